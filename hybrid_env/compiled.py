@@ -15,11 +15,9 @@ from hybrid_env.core.banks.bank import likeliest as likeliest
 from hybrid_env.core.banks.bank import likeliest_of_type as likeliest_of_type
 from hybrid_env.core.banks.bank import set_estimate as set_estimate
 from hybrid_env.core.banks.bank import signed_radius as signed_radius
+from hybrid_env.core.banks.dense import begin_motion as begin_motion
+from hybrid_env.core.banks.dense import sense_motion as sense_motion
 from hybrid_env.core.banks.extended_kalman import turn_coefficients as turn_coefficients
-from hybrid_env.core.banks.imm import begin_imm as begin_imm
-from hybrid_env.core.banks.imm import correct_imm as correct_imm
-from hybrid_env.core.banks.imm import predict_imm as predict_imm
-from hybrid_env.core.banks.imm import step_imm as step_imm
 from hybrid_env.core.banks.sensing import write_measured as write_measured
 from hybrid_env.core.compilation import compiled as compiled
 from hybrid_env.core.compilation import inlined as inlined
@@ -36,6 +34,7 @@ from hybrid_env.core.memory import MOST_RATES as MOST_RATES
 from hybrid_env.core.memory import SENSOR as SENSOR
 from hybrid_env.core.memory import TRACE_COLUMNS as TRACE_COLUMNS
 from hybrid_env.core.memory import AnchorAwareBank as AnchorAwareBank
+from hybrid_env.core.memory import DenseImmBank as DenseImmBank
 from hybrid_env.core.memory import ImmBank as ImmBank
 from hybrid_env.core.memory import PublishedBank as PublishedBank
 from hybrid_env.core.memory import State as State

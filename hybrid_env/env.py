@@ -53,6 +53,7 @@ class TrackEnv(OwnState, gym.Env[Float32Array, np.int64]):
 
         self._reset_mask = np.ones(1, bool)
         self._started = False
+        self._action_count = self.options.action_count
         self._bind_views()
 
     def action_masks(self) -> BoolArray:
@@ -60,13 +61,20 @@ class TrackEnv(OwnState, gym.Env[Float32Array, np.int64]):
         return self.world.action_mask[0] > 0
 
     def get_keys_to_action(self) -> dict[tuple[int], int]:
-        """Return actions by key for `gymnasium.utils.play`: w straight, a left, d right, both of
-        the first radius.
+        """Return actions by key for `gymnasium.utils.play`: w straight, a left, d right, s stop,
+        each for the first mode of this type.
         """
-        straight = int(self.options.switches == "announced")
-        modes = {"w": 0, "a": 1, "d": 1 + len(self.options.radii)}
+        by_type = getattr(self.options, "actions", "all") == "types"
+        types = [mode.type for mode in self.options.all_modes]
+        types = list(self.options.type_names) if by_type else types
+        first = int(self.options.switches == "announced")
         last = self.options.action_count - 1
-        return {(ord(key),): min(straight + mode, last) for key, mode in modes.items()}
+        keys = {"w": "straight", "a": "left", "d": "right", "s": "stop"}
+        return {
+            (ord(key),): min(first + types.index(of_type), last)
+            for key, of_type in keys.items()
+            if of_type in types
+        }
 
     def _bind_views(self) -> None:
         """Create views of the single track once, because creating them takes longer than a tick."""
@@ -133,7 +141,7 @@ class TrackEnv(OwnState, gym.Env[Float32Array, np.int64]):
             index = operator.index(action)
         except TypeError:
             raise self.world.invalid_action(action) from None
-        if not 0 <= index < self.options.action_count:
+        if not 0 <= index < self._action_count:
             raise self.world.invalid_action(action)
         if not self._started or self._terminated.item(0):
             raise gym.error.ResetNeeded("step() requires a running episode: call reset() first")

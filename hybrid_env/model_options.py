@@ -1,6 +1,5 @@
 """The options of the model that every environment has, checked on creation."""
 
-import functools
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -51,9 +50,9 @@ class ModelOptions(Checked):
     Attributes:
         radii: turn radii of the bank [m], each as a left and as a right turn: M = 2 n + 1
             hypotheses of n radii. The short form of `modes`.
-        modes: modes of object and bank, see `hybrid_env.modes`: "straight, left 5, right 5, stop",
-            or a sequence of such names and of objects. None is straight motion and the turns of
-            `radii`.
+        modes: modes of object and bank, see `hybrid_env.modes`: "straight, left 5, turn rate 0.2,
+            stop, accelerate 1", or a sequence of names and of mode objects. None is straight motion
+            and the turns of `radii`.
         speed: initial speed of the object [m/s].
         heading: initial heading of the object [rad], counter-clockwise from the x axis; None means
             a uniform one.
@@ -112,6 +111,9 @@ class ModelOptions(Checked):
         return cls(**keywords)
 
     def __post_init__(self) -> None:
+        if self.modes is not None:
+            # They are those of the modes, which may have none.
+            object.__setattr__(self, "radii", ModelOptions.radii)
         super().__post_init__()
         if self.modes is not None:
             radii = radii_of_modes(self.all_modes)
@@ -125,6 +127,14 @@ class ModelOptions(Checked):
     def _check_ratios(self, radii: Iterable[float]) -> None:
         """Check the ratios of the options, for radii of bank and object [m]."""
         assert isinstance(self.initial_error, tuple)
+        if self.modes is not None:
+            growths = np.abs(np.linalg.eigvals(self.motions["F"])).max(axis=1)
+            for mode, growth in zip(self.all_modes, growths, strict=True):
+                if self.longest_episode * math.log(max(growth, 1.0)) > math.log(1e9):
+                    allowed = (
+                        "eigenvalues of F by which a state grows at most 1e9 times in an episode"
+                    )
+                    raise reject("modes", mode.name, allowed)
         # From pi on a turn cannot be told from a slower one.
         smallest = self.speed * self.tau / 100.0
         if smallest > min(radii, default=math.inf):
@@ -167,7 +177,7 @@ class ModelOptions(Checked):
         assert not isinstance(self.modes, str)
         return tuple(mode for mode in self.modes if isinstance(mode, Mode))
 
-    @functools.cached_property
+    @property
     def type_names(self) -> tuple[str, ...]:
         """The types of the modes, in the order of the first mode of each."""
         return tuple(dict.fromkeys(mode.type for mode in self.all_modes))
@@ -175,7 +185,8 @@ class ModelOptions(Checked):
     @property
     def types(self) -> IntArray:
         """The type of every hypothesis as a place in `type_names`, (M,)."""
-        return np.array([self.type_names.index(mode.type) for mode in self.all_modes])
+        names = self.type_names
+        return np.array([names.index(mode.type) for mode in self.all_modes])
 
     @property
     def motions(self) -> AnyArray:

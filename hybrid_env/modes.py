@@ -9,8 +9,10 @@ is measured. A mode of the user is a `LinearMode`, or a subclass of `Mode` with 
 one type, such as all left turns, count as one with `correctness="type"`.
 """
 
+import functools
 import math
 import re
+import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
 from typing import Annotated, Any, ClassVar
@@ -73,7 +75,9 @@ class Mode(Checked):
         return self.name
 
     def as_json(self) -> str:
-        """Return the text, for files that name the options."""
+        """Return the text, for files that name the options; warn if it is none of a mode."""
+        if mode_of_text(self.name) != self:
+            warnings.warn(f"mode {self.name!r} has no text: a file has its name only", stacklevel=2)
         return self.name
 
 
@@ -192,7 +196,7 @@ class Accelerate(Mode):
         return self.acceleration
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class LinearMode(Mode):
     """A linear mode x' = F x + B + w, w ~ N(0, Q), of the state [x, vx, y, vy] or [x, vx, ax, y,
     vy, ay]. The accelerations are 0 at a switch.
@@ -211,13 +215,23 @@ class LinearMode(Mode):
     name: str = "linear"
 
     def __post_init__(self) -> None:
-        n = MOTION_STATES if np.shape(self.F) == (MOTION_STATES, MOTION_STATES) else 4
-        object.__setattr__(self, "F", check_array("F", self.F, (n, n)))
-        given = np.zeros(n) if self.B is None else self.B
-        object.__setattr__(self, "B", check_array("B", given, (n,)))
+        F = check_array("F", self.F, (None, None))
+        n = MOTION_STATES if len(F) == MOTION_STATES else 4
+        given = {"F": check_array("F", self.F, (n, n)), "B": np.zeros(n), "Q": None}
+        if self.B is not None:
+            given["B"] = check_array("B", self.B, (n,))
         if self.Q is not None:
-            Q = check_covariance("Q", check_array("Q", self.Q, (n, n)), definite=False)
-            object.__setattr__(self, "Q", Q)
+            Q = check_array("Q", self.Q, (n, n))
+            given["Q"] = check_covariance("Q", Q, definite=False)
+        for name, array in given.items():
+            # Modes are compared by their numbers.
+            object.__setattr__(self, name, None if array is None else as_tuples(array))
+        if not isinstance(self.name, str) or not re.fullmatch(
+            r"[a-z][^,;\s]*( [^,;\s]+)*", self.name
+        ):
+            raise reject(
+                "name", self.name, "words without commas, the first of which begins a to z"
+            )
 
     @property
     def type(self) -> str:
@@ -226,11 +240,17 @@ class LinearMode(Mode):
 
     def matrices(self, tau: float) -> Matrices:
         """See `Mode.matrices`."""
-        return self.F, self.B, self.Q
+        return np.array(self.F), np.array(self.B), None if self.Q is None else np.array(self.Q)
 
 
 KINDS: tuple[type[Mode], ...] = (Straight, Stop, TurnRate, Accelerate)
 """The modes that a text names by their words; turns are named by their side."""
+
+
+def as_tuples(array: FloatArray) -> tuple[Any, ...]:
+    """Return the numbers of a vector, or the rows of a matrix."""
+    numbers: list[Any] = array.tolist()
+    return tuple(tuple(row) if isinstance(row, list) else row for row in numbers)
 
 
 def side(number: float) -> str:
@@ -244,7 +264,8 @@ def constant_acceleration(tau: float) -> FloatArray:
     return np.kron(np.eye(2), np.array(axis))
 
 
-def modes_of_radii(radii: Sequence[float]) -> tuple[Mode, ...]:
+@functools.lru_cache(maxsize=64)
+def modes_of_radii(radii: tuple[float, ...]) -> tuple[Mode, ...]:
     """Return the modes of the option `radii`: straight, left turns, right turns."""
     return (Straight(), *map(Turn, radii), *(Turn(-radius) for radius in radii))
 
@@ -294,11 +315,13 @@ def motion_table(modes: Sequence[Mode], tau: float, process_variance: float) -> 
     """
     table = np.zeros(len(modes), MOTION)
     for motion, mode in zip(table, modes, strict=True):
-        F, B, Q = mode.matrices(tau)
+        # Checked as those of a user.
+        F, B, Q = LinearMode(*mode.matrices(tau)).matrices(tau)
         places = PLACES[len(F)]
         square = np.ix_(places, places)
         motion["signed_radius"] = mode.signed_radius
         motion["acceleration"] = mode.starting_acceleration
+        motion["linear"] = not isinstance(mode, (Straight, Turn))
         motion["F"][square] = F
         motion["B"][list(places)] = B
         if Q is None:

@@ -4,9 +4,10 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from annotated_types import Interval
 
-from hybrid_env.checks import FloatArray, reject
+from hybrid_env.checks import FloatArray, IntArray, reject
 from hybrid_env.core.memory import BANKS, SEGMENT_COLUMNS, TICK_NAMES, DenseBank
 from hybrid_env.core.observation_row import OBSERVATIONS
 from hybrid_env.limits import QuantityOrZero
@@ -99,6 +100,11 @@ class WorldOptions(ModelOptions):
                 f"radii that include {shown} of the scheme, or correctness='type'",
             )
         self._check_ratios(of_scheme | set(self.radii))
+
+    @property
+    def groups(self) -> IntArray:
+        """Numbers (M,) that are equal where declaring either hypothesis is rewarded alike."""
+        return self.types if self.correctness == "type" else np.arange(self.hypotheses)
 
     @property
     def bank_class(self) -> type:

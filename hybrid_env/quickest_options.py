@@ -33,7 +33,7 @@ def check_transitions(value: Any, names: Sequence[str]) -> str | tuple[tuple[flo
         return value
     M = len(names)
     rows: Any = [row.split() for row in value.split(",")] if isinstance(value, str) else value
-    if isinstance(value, Mapping):
+    if isinstance(value, Mapping) and all(isinstance(row, Mapping) for row in value.values()):
         for name in {*value, *(name for row in value.values() for name in row)} - {*names}:
             raise unknown("transitions", name, names)
         rows = [[value.get(row, {}).get(column, 0.0) for column in names] for row in names]

@@ -120,7 +120,7 @@ def parse_scheme(value: "str | Scheme", name: str = "scheme") -> Scheme:
             return RandomScheme()
         return RandomScheme(int(random[1]), (int(random[2]), int(random[3] or random[2])))
     pieces = []
-    named = re.fullmatch(r"[^,;]*\d\s+[a-z].*", text)
+    named = re.search(r"\d\s+[a-z]", text)
     for word in re.split(r"\s*[,;]\s*" if named else r"[\s,;]+", text):
         if named and (of_mode := re.fullmatch(r"(\d{1,20})\s+([a-z][^,;]*)", word)):
             pieces.append(_named_segment(of_mode[2], int(of_mode[1])))

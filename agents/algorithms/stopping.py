@@ -130,7 +130,7 @@ def paths_of(explorer: Explorer) -> tuple[Float32Array, Float32Array, IntArray]:
     ratios = RowRatios(world, rows[kept])
     lengths = np.round(explorer.agent.layout.read(rows[ends], "ticks")).astype(np.int64)
     best, true = best[kept], np.repeat(modes[ends], lengths)
-    groups = ratios.kind if explorer.agent.by_type else np.arange(world.hypotheses)
+    groups = world.groups
     rewards = np.where(groups[best] == groups[true], 1.0, -1.0)
     rewards = rewards - world.delay_cost * ratios.read("ticks")
     if world.follow != "bank":

@@ -162,7 +162,7 @@ class Compare(WorldArguments, TrustArguments, Workers):
             for name in ("episodes", "selection_episodes")
             if getattr(self, name) is None
         }
-        deciders = self.deciders or (*task.deciders, *task.agents)
+        deciders = self.deciders or (*task.deciders, *task.recipes, *task.shipped)
         plan: Any = dataclasses.replace(self, deciders=deciders, **usual)
         if self.accuracy is not None and "accuracy" not in task.columns:
             raise reject("accuracy", self.accuracy, f"no value in {task.title}")
@@ -296,7 +296,7 @@ class Compare(WorldArguments, TrustArguments, Workers):
         run_folder = None
         if folder is not None:
             settings = [env_id, options, self.steps, recipe.as_json(), package_versions()]
-            digest = hashlib.sha256(json.dumps(settings, default=str).encode()).hexdigest()
+            digest = hashlib.sha256(json.dumps(settings, default=repr).encode()).hexdigest()
             run_folder = folder / "agents" / f"{recipe.name}-seed{seed}-{digest[:8]}"
         resume = run_folder is not None and has_checkpoint(run_folder)
         run = make_run(env_id, options, recipe, seed, run_folder, self.steps, resume)

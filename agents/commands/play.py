@@ -151,7 +151,7 @@ class Play(WorldArguments, ErrorArguments, TrustArguments):
         """Play the episodes, print a table after each, and write the requested files."""
         self._check()
         task = task_of(*self.world_of("".join(self.deciders[:1])))
-        names = self.deciders or (task.reference, "shipped")[: 2 if self._is_page else 1]
+        names = self.deciders or (task.reference, *task.shipped)[: 2 if self._is_page else 1]
         for name in names:
             check_name(name, task.switches)
         posteriors = self._is_page and task.switches == ANNOUNCED

@@ -218,7 +218,12 @@ def report_lines(tracked: TrackedRecording) -> list[str]:
         "measurement_variance": f"R {model.measurement_variance:.4g} {unit}^2",
         "process_variance": f"Q {model.process_variance:.3g} {unit}^2/{time}^2",
         "duration": f"mean duration {model.duration:.3g} ticks",
+        "modes": f"modes {', '.join(tracked.mode_names())}",
     }
+    if not model.modes:
+        del values["modes"]
+    elif not model.radii:
+        del values["radii"]
     parts = [
         f"{counted(len(tracked.pieces), 'piece')} by {tracked.decider}",
         f"tick {model.tau:.6g} {time}",

@@ -141,14 +141,14 @@ def _unknown_panels(task: Any, groups: Groups) -> list[Panel]:
             margin = 0.06 * (max(shown) - min(shown))
             limits = min(shown) - margin, max(shown) + margin
         parts.append(Panel(title, axis, Axis(label, limits), drawn))
-    return parts + (_identification_panels(groups) if task.several_radii else [])
+    return parts + (_identification_panels(groups) if task.several_of_type else [])
 
 
 def _identification_panels(groups: Groups) -> list[Panel]:
     """Return the shares of switches whose type and whose mode is named after some ticks."""
     styles = decider_styles(groups)
     parts = []
-    for k, title in enumerate(("Straight, left or right named", "Type and radius named")):
+    for k, title in enumerate(("Type of the mode named", "Mode named")):
         drawn = []
         for name, group in groups.items():
             every = [entry.scores.extra["named_within"][entry.chosen, k] for entry in group]

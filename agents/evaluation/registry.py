@@ -115,7 +115,7 @@ def find_decider(name: Any, options: Any) -> Decider:
     base, text = split_name(name)
     if is_chosen(text):
         return choosing_decider(find_decider(base, options), options, text)
-    decider = _at_default(base, options)
+    decider = _at_default(base, options).for_modes(options)
     if decider.hypotheses not in (None, options.hypotheses):
         here = options.hypotheses
         allowed = f"a policy for {here} hypotheses; this one is for {decider.hypotheses}"
@@ -218,7 +218,7 @@ def for_actions(decider: Decider, options: Any) -> Decider:
         # A model of a learning library, trained with these actions.
         return decider
     if actions == "types":
-        return declare_types(decider, options.hypotheses)
+        return declare_types(decider, options.types)
     raise reject("actions", actions, "'all' or 'types': deciders declare hypotheses")
 
 

@@ -15,7 +15,6 @@ import numpy as np
 
 from baselines.rules import seeds
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, Decider, rules
-from baselines.rules.msprt import mode_types
 from baselines.rules.rollout import (
     batch_size,
     evaluate_batch,
@@ -77,9 +76,10 @@ class Task(ABC):
     choosing_episodes: ClassVar[int]
     # Lines that explain the metrics below a table.
     notes: ClassVar[str] = ""
-    # Name of the rule that others are compared with, and of the agents that are, by default.
+    # Name of the rule that others are compared with, and of the recipes of agents that are trained
+    # and compared by default.
     reference: ClassVar[str]
-    agents: ClassVar[tuple[str, ...]]
+    recipes: ClassVar[tuple[str, ...]] = ()
     # What a mean reward is the mean of: "segment" or "tick".
     unit: ClassVar[str]
     # Number of segments or ticks whose results fill half a gigabyte.
@@ -115,6 +115,13 @@ class Task(ABC):
     @abstractmethod
     def deciders(self) -> tuple[str, ...]:
         """Names of the rules that are compared by default, the reference first."""
+
+    @property
+    def shipped(self) -> tuple[str, ...]:
+        """Names of the agents of the package that are compared by default; they are for straight
+        motion and turns.
+        """
+        return ("shipped",) if self.options.modes is None else ()
 
     @property
     @abstractmethod
@@ -189,7 +196,7 @@ class AnnouncedTask(Task):
     rate_unit = "%"
     choosing_episodes = 400
     reference = "ate"
-    agents = ("ppo", "shipped")
+    recipes = ("ppo",)
     unit = "segment"
     largest = 10_000_000
     episodes = 1500
@@ -198,7 +205,7 @@ class AnnouncedTask(Task):
     @property
     def deciders(self) -> tuple[str, ...]:
         """See `Task.deciders`."""
-        if self.options.bank == "published":
+        if self.options.bank == "published" and self.options.modes is None:
             return (self.reference, "fixed", "msprt", "msprt-kept", "propagated")
         by_type = self.options.correctness == "type"
         return (self.reference, "sprt", "msprt-type" if by_type else "msprt")
@@ -279,7 +286,6 @@ class UnknownTask(Task):
     rate_unit = "/1000"
     choosing_episodes = 60
     reference = "threshold"
-    agents = ("shipped",)
     unit = "tick"
     largest = 100_000_000
     episodes = 500
@@ -291,19 +297,21 @@ class UnknownTask(Task):
         return tuple(dict.fromkeys((self.reference, *rules(UNKNOWN))))
 
     @property
-    def several_radii(self) -> bool:
+    def several_of_type(self) -> bool:
         """Whether a type of motion has several modes."""
-        return len(self.options.radii) > 1
+        return len(self.options.type_names) < self.options.hypotheses
 
     @property
     def further(self) -> tuple[str, tuple[Metric, ...]]:
-        """How often and when type and mode are stated after a switch, with several radii."""
+        """How often and when type and mode are stated after a switch, if a type has several
+        modes.
+        """
         heads = {"identified": ("named, %", 100.0), "delay": ("delay", 1.0)}
-        return "Type and radius after a switch", tuple(
+        return "Type and mode after a switch", tuple(
             Metric(f"{kind}_{name}", f"{kind}\n{head}", statistics[name], 1, scale)
             for kind, statistics in statements.IDENTIFICATION.items()
             for name, (head, scale) in heads.items()
-            if self.several_radii
+            if self.several_of_type
         )
 
     def batch(self) -> int:
@@ -321,9 +329,8 @@ class UnknownTask(Task):
         """Return the values of recorded statements, of modes and of types."""
         cost = self.options.change_cost
         metrics = of_types = statements.measure_statements(recorded, cost)
-        if self.several_radii:
-            types = mode_types(self.options.hypotheses)
-            named = statements.Statements(*(types[modes] for modes in recorded))
+        if self.several_of_type:
+            named = statements.Statements(*(self.options.types[modes] for modes in recorded))
             of_types = statements.measure_statements(named, cost)
         # Ticks after a switch, of the curves of identification.
         longest = min(100, int(self.options.ticks))

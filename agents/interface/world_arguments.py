@@ -50,7 +50,7 @@ def _flag(kind: type, field: dataclasses.Field[Any], hint: Any) -> Any:
     text = " ".join(_described(kind)[name].split())
     unless_given = re.search(r"None (?:draws|is|means) ([^.;]+)", text)
     # For callers in Python.
-    text = re.sub(r"[;.] None [^.;]*|, or a (?:law|scheme) object", "", text)
+    text = re.sub(r"[;.] None [^.;]*|, or a (?:law|scheme|sequence .*) objects?", "", text)
     only = "" if kind is WorldOptions else "HybridTrackQuickest-v0: "
     defaults = [unless_given[1] if unless_given else _text(field.default) or "none"]
     defaults += [

@@ -169,6 +169,7 @@ class AnchorDecider(NetworkDecider):
     """
 
     every_tick = True
+    any_modes = False
     network = AnchorNetworks
     symbol = "log-odds"
     second_threshold = "stop"
@@ -213,7 +214,7 @@ class AnchorDecider(NetworkDecider):
         """Return the log-odds of declaring after one tick, and the state."""
         posterior, state = self.posterior(observation, state, episode_start)
         ratios = state.ratios
-        error, best = error_and_best(posterior, self.by_type)
+        error, best = error_and_best(posterior, self.world.groups)
         right = -log_odds(error, 1e-9)[:, None]
         begins = ratios.read("ticks") < 1.5
         before = np.where(begins[:, None], right, state.odds)

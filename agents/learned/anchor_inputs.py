@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 
 from baselines.rules.component_filters import stated_covariance
 from baselines.rules.decider import Observations
-from baselines.rules.msprt import mode_types
 from hybrid_env.checks import Float32Array, FloatArray, IntArray
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
@@ -52,7 +51,7 @@ class RowRatios:
 
     def __init__(self, world: WorldOptions, rows: Observations):
         self.world, self.rows, self.layout = world, rows, Layout(world.hypotheses)
-        self.kind = mode_types(world.hypotheses)
+        self.kind = world.types
         self.of_world = float(world.follow == "bank"), float(world.bank == "anchor_aware")
         self.process_deviation = np.sqrt(world.process_variance)
         speed = self.read("speed")
@@ -230,8 +229,7 @@ def stopping_inputs(
         heavy_tails: (N,) probability of heavy tails.
     """
     world = ratios.world
-    by_type = world.correctness == "type"
-    groups = ratios.kind if by_type else np.arange(world.hypotheses)
+    groups = world.groups
     ticks, left = (ratios.read(name) for name in ("ticks", "ticks_left"))
     rival = np.where(groups == groups[best][:, None], -1.0, posterior).argmax(-1)
     turn = ratios.turn
@@ -268,7 +266,7 @@ def stopping_inputs(
             0.5 * (ratios.velocity + 6.0),
             *ratios.of_world,
             cost / 2.0,
-            by_type,
+            world.correctness == "type",
             np.log(world.hypotheses / 3.0) / 2.0,
         ]
     )

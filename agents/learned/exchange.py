@@ -79,7 +79,7 @@ def _from_zip(path: Path, options: Any) -> Decider:
 
 def _actor(actor: Actor, path: Path, options: Any) -> Decider:
     """Return an actor as a decider, after a call with two rows."""
-    decider = actor_decider(actor, options.switches)
+    decider = actor_decider(actor, options)
     logits, _ = decider.logits(np.zeros((2, actor.width), np.float32))
     if logits.shape != (2, actor.actions) or not np.isfinite(logits).all():
         allowed = f"(2, {actor.actions}) that are finite"

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable, Mapping
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import torch
@@ -14,9 +14,9 @@ from torch import Tensor, nn
 from agents.learned.policy_file import LAYOUTS, load_weights
 from agents.learned.torch_defaults import NetworkDecider
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, Actions, Observations
-from baselines.rules.msprt import mode_types
 from baselines.rules.threshold import read_statement
-from hybrid_env.checks import BoolArray, FloatArray, reject
+from hybrid_env.checks import BoolArray, FloatArray, IntArray, reject
+from hybrid_env.model_options import ModelOptions
 from hybrid_env.observation import Layout
 from hybrid_env.rendering.evidence import EvidencePanel, probability_panel
 
@@ -172,13 +172,13 @@ class ActorDecider(NetworkDecider):
     """
 
     symbol = "log-odds"
-    # Wait, straight, left, right.
-    type_actions: ClassVar[int] = 4
 
-    def __init__(self, actor: Actor, threshold: float = 0.0):
+    def __init__(self, actor: Actor, types: IntArray, threshold: float = 0.0):
         super().__init__(threshold)
         self.actor = actor
         self.hypotheses: int = LAYOUTS[self.task].of_width(actor.width).hypotheses
+        # (M,) of the hypotheses, and the number of actions that wait or declare a type.
+        self.types, self.type_actions = types, types.max() + 2
         allowed = (2, self.type_actions, self.hypotheses + 1)
         if actor.actions not in ((self.hypotheses,) if self.task == UNKNOWN else allowed):
             raise reject("actions", actor.actions, f"those of {self.hypotheses} hypotheses")
@@ -234,7 +234,7 @@ class PolicyDecider(ActorDecider):
 
     At threshold 0 this is the policy's most probable action; other thresholds trade decision time
     against accuracy. A policy with M + 1 actions declares the hypothesis with the largest logit,
-    one with 4 actions the most likely hypothesis of the type (straight, left or right) with the
+    one with an action for each type of modes the most likely hypothesis of the type with the
     largest logit, and one with 2 actions the most likely hypothesis of the bank. The threshold is
     on ln p(the declaration) - ln p(wait).
     """
@@ -254,7 +254,7 @@ class PolicyDecider(ActorDecider):
         if logits.shape[1] == 2:
             declare = log_ratio.argmax(-1)
         elif logits.shape[1] == self.type_actions:
-            of_type = mode_types(log_ratio.shape[1]) == declare[:, None]
+            of_type = self.types == declare[:, None]
             declare = np.where(of_type, log_ratio, -np.inf).argmax(-1)
         return np.where(odds > (self.threshold if deterministic else 0.0), declare + 1, 0)
 
@@ -274,7 +274,7 @@ class PolicyDecider(ActorDecider):
         logits = self.logits(observation, state, episode_start)[0]
         odds = logits[:, 1:] - logits[:, :1]
         if logits.shape[1] == self.type_actions:
-            return odds[:, mode_types(self.hypotheses)]
+            return odds[:, self.types]
         return np.broadcast_to(odds, (len(logits), self.hypotheses))
 
 
@@ -313,6 +313,9 @@ class StatementPolicyDecider(ActorDecider):
         return np.asarray(softmax(self.logits(observation, state, episode_start)[0], axis=-1))
 
 
-def actor_decider(actor: Actor, task: str) -> ActorDecider:
-    """Return the decider of an actor for a task; `ArgumentError` if it has not the actions."""
-    return (StatementPolicyDecider if task == UNKNOWN else PolicyDecider)(actor)
+def actor_decider(actor: Actor, options: ModelOptions) -> ActorDecider:
+    """Return the decider of an actor for the options of an environment; `ArgumentError` if it has
+    not the actions.
+    """
+    kind = StatementPolicyDecider if options.switches == UNKNOWN else PolicyDecider
+    return kind(actor, options.types)

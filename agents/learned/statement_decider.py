@@ -55,6 +55,7 @@ class UtilityDecider(NetworkDecider):
         ArgumentError: the margin is not a finite number.
     """
 
+    any_modes = False
     symbol = "log-odds"
     thresholds = (
         *(-4.0, -2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0),

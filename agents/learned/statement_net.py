@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from baselines.rules.msprt import mode_types
+from baselines.rules.msprt import types_of_radii
 from hybrid_env.checks import Float32Array, IntArray
 from hybrid_env.observation import QuickestLayout
 from hybrid_env.quickest_options import QuickestOptions
@@ -50,7 +50,7 @@ def statement_inputs(
     n = each.shape[-1]
     # Index of the innovation across the heading.
     lateral = 4
-    out = turn_views(each, logs, (lateral,), 2)
+    out = turn_views(each, logs, sides(layout.hypotheses)[1:], (lateral,), 2)
     # Of a measurement, the geometric mean of those of the axes.
     deviation = float(np.sqrt(np.prod(world.variances) ** (1.0 / world.variances.size)))
     speed = np.maximum(rows[..., layout.slices["speed"]], 1e-30)
@@ -94,6 +94,7 @@ def _hypothesis_inputs(
 def turn_views(
     each: Float32Array,
     logs: Float32Array,
+    side: Float32Array,
     odd: tuple[int, ...],
     more: int,
 ) -> Float32Array:
@@ -103,6 +104,7 @@ def turn_views(
     Args:
         each: (..., M, n) of the hypotheses.
         logs: (..., M) logarithms of their probabilities, by which the others are weighted.
+        side: (..., M - 1) of the turns, 1 left, -1 right; it also mirrors what a turn sees.
         odd: columns that change their sign in a mirrored trajectory.
         more: number of further columns, which are not written.
     """
@@ -113,20 +115,20 @@ def turn_views(
     out[..., n : 2 * n] = turns
     out[..., 2 * n : 3 * n] = _others(logs[..., 1:], turns)
     for column in odd:
-        out[..., column : 3 * n : n] *= sides(each.shape[-2])[1:, None]
+        out[..., column : 3 * n : n] *= side[..., None]
     return out
 
 
 def sides(hypotheses: int) -> Float32Array:
     """Return 0 for straight motion, 1 for left and -1 for right turns, (M,)."""
-    return np.array([0, 1, -1], np.float32)[mode_types(hypotheses)]
+    return np.array([0, 1, -1], np.float32)[types_of_radii(hypotheses)]
 
 
 def _others(logs: Float32Array, turns: Float32Array) -> Float32Array:
     """Return the mean inputs of all turns but one, weighted by their probabilities, (..., M - 1,
     n).
     """
-    if logs.shape[-1] == 2:
+    if logs.shape[-1] <= 2:
         return turns[..., ::-1, :]
     without = np.where(np.eye(logs.shape[-1], dtype=np.bool_), -np.inf, logs[..., None, :])
     weights = np.exp(without - without.max(-1, keepdims=True))

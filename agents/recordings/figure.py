@@ -49,8 +49,8 @@ def draw_recording(tracked: TrackedRecording) -> Figure:
 
 def mode_colours(tracked: TrackedRecording) -> list[str]:
     """Return the colour of every mode."""
-    radii = tracked.model.radii
-    return [mode_colour(mode, radii) for mode in range(2 * len(radii) + 1)]
+    modes = tracked.model.all_modes
+    return [mode_colour(mode, modes) for mode in range(len(modes))]
 
 
 def thinned(rows: IntArray, most: int = 5000) -> IntArray:

@@ -3,7 +3,7 @@ afterwards, row by row.
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -22,7 +22,8 @@ from baselines.recordings.model_fit import check_consistency, fit_model
 from baselines.recordings.recording import Recording, make_recording
 from baselines.recordings.scatter import without_errors, without_standing
 from baselines.recordings.ticks import Piece, TickGrid, tick_grid
-from baselines.recordings.tracker import OnlineTracker, names_of_modes
+from baselines.recordings.track_modes import letter, names_of_modes
+from baselines.recordings.tracker import OnlineTracker
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, Decider, rules
 from hybrid_env.checks import (
     AnyArray,
@@ -38,6 +39,7 @@ from hybrid_env.checks import (
 )
 from hybrid_env.durations import parse_durations
 from hybrid_env.limits import Ticks, distinct_radii
+from hybrid_env.modes import Stop, parse_modes
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.sensors import Radar
@@ -51,27 +53,30 @@ class TrackedRecording:
     """A recording of n rows with its M modes, in its own units.
 
     Rows before the first and after the last measurement, inside of gaps, and in parts in which the
-    object stands still have mode -1 and NaN.
+    object stands still for a decider that knows no stop have mode -1 and NaN.
 
     Attributes:
         recording: as it was read.
         model: noise, radii and durations that the filters assume, and which of them were estimated.
         decider: its name, with its threshold.
-        modes: (n,) 0 straight, 1 .. left turns and then right turns, in the order of `model.radii`.
+        modes: (n,) in `model.all_modes`: by default 0 straight, 1 .. left turns and then right
+            turns, in the order of `model.radii`, and the stop if the object stands in a part.
         decided: (n,) False before a mode was decided: at the start, and with known switches in each
             piece.
         probabilities: (n, M) of the modes at each row, from the measurements up to it.
         estimates: (n, 4) [x, vx, y, vy] from the measurements up to the row.
         covariances: (n, 4, 4) of the estimates.
         turns: (n, 4) speed, its deviation, radius, its deviation, see `baselines.estimation.turns`;
-            the radius is infinite where the object moves straight, and NaN before a decision.
+            the radius is infinite where the object moves straight, and NaN where it stands and
+            before a decision.
         residuals: (n, 2) normalised innovations, N(0, 1) if the model holds; NaN without one.
         pieces: (K, 4) first row, end, mode and row of the decision of each piece, counted from 0;
             -1 for a piece without a decision.
         grid: its uniform ticks.
         outliers: number of measurements that were not used, because they are far from their
             neighbours.
-        standing: number of measurements that were not used, because the object stands still.
+        standing: number of measurements that were not used, because the object stands still and the
+            decider knows no stop.
         warnings: plain sentences about what does not fit.
         durations: law of the durations of the modes [ticks] that was given.
         known_switches: whether the switches were known.
@@ -96,16 +101,17 @@ class TrackedRecording:
     known_switches: bool = False
 
     def mode_names(self) -> list[str]:
-        """Names of the modes: S, L, R, with the radius if there are several."""
-        return names_of_modes(self.model.radii)
+        """Names of the modes: S, L, R, with the radius if there are several, and stop."""
+        return names_of_modes(self.model.all_modes)
 
     def of_modes(self, modes: IntArray) -> tuple[NDArray[Any], FloatArray]:
-        """Return the letters S, L and R and the radii of modes, empty and NaN where there is
-        none.
+        """Return the letters S, L and R or the names, and the radii of modes, empty and NaN where
+        there is none.
         """
-        radii = self.model.radii
-        letters = np.array(["S", *"L" * len(radii), *"R" * len(radii), ""])
-        return letters[modes], np.array([np.nan, *radii, *radii, np.nan])[modes]
+        of_model = self.model.all_modes
+        letters = np.array([*map(letter, of_model), ""])
+        radii = [abs(mode.signed_radius) or np.nan for mode in of_model]
+        return letters[modes], np.array([*radii, np.nan])[modes]
 
     def piece_table(self) -> dict[str, Any]:
         """Return the columns of modes.csv. Rows are counted from 1; cells that do not apply are
@@ -186,6 +192,7 @@ class TrackedRecording:
             "measurement_variance": float(model.measurement_variance),
             "process_variance": float(model.process_variance),
             "radii": [float(radius) for radius in model.radii],
+            "modes": list(map(str, model.modes)),
             "duration": float(model.duration),
             "speed": float(model.speed),
             "estimated": list(model.estimated),
@@ -236,7 +243,11 @@ class TrackingArguments(ErrorArguments):
     """
     radii: tuple[float, ...] = ()
     """Turn radii, each tested as a left and as a right turn [unit of the recording]. By default
-    found from the recording.
+    found from the recording. Without effect with modes.
+    """
+    modes: str | tuple[str, ...] | None = None
+    """Modes of the object, as in 'straight, left 200, right 200, stop' [unit of the recording]. By
+    default straight motion, the turns of the radii, and a stop if the object stands in a part.
     """
     measurement_variance: Positive | None = None
     """Measurement noise variance R of each coordinate. By default the one with the largest
@@ -271,6 +282,7 @@ class TrackingArguments(ErrorArguments):
         """Check the arguments before any work."""
         if self.radii:
             distinct_radii(self.radii)
+        parse_modes(self.modes)
         if self.durations is not None:
             parse_durations(self.durations)
         for name in ("bank", "recalculation", "refine_radius"):
@@ -288,12 +300,23 @@ class TrackingArguments(ErrorArguments):
             variance = self.measurement_variance
             raise reject("measurement_variance", variance, "none with radar, which has its own")
         grid, outliers = without_errors(tick_grid(recording), jumps=not self.lengths)
-        grid, standing = (grid, 0) if self.lengths else without_standing(grid)
+        moving, standing = (grid, 0) if self.lengths else without_standing(grid)
         lengths = self._lengths(grid)
         duration = None if self.durations is None else parse_durations(self.durations).mean_duration
         variances = self.measurement_variance, self.process_variance
-        model = fit_model(grid, self.radii or None, *variances, duration, lengths)
-        tracker = self._tracker(lengths, grid, model)
+        modes = parse_modes(self.modes) or ()
+        model = fit_model(moving, self.radii or None, *variances, duration, lengths, modes)
+        stops = standing > 0 and not modes
+        with_stops = with_stop(model) if stops else model
+        try:
+            tracker = self._tracker(lengths, grid, with_stops)
+            model, standing = with_stops, 0
+        except ArgumentError:
+            if not stops:
+                raise
+            # The decider may know only straight motion and turns.
+            grid = moving
+            tracker = self._tracker(lengths, grid, model)
         start = None if self.initial_state is None else np.array(self.initial_state)
         decisions = [
             decide_piece(recording, piece, model, tracker, lengths, start) for piece in grid.pieces
@@ -376,14 +399,20 @@ class TrackingArguments(ErrorArguments):
         )
 
 
+def with_stop(model: TrackModel) -> TrackModel:
+    """Return a model with a stop as its last mode."""
+    modes = *model.all_modes, Stop()
+    return replace(model, modes=modes, estimated=(*model.estimated, "modes"))
+
+
 def track_recording(
     times: ArrayLike | None,
     positions: ArrayLike,
     radar: Radar | None = None,
     **options: Any,
 ) -> TrackedRecording:
-    """Decide between straight motion, left and right turns on positions, as `hybridtrack track`
-    does.
+    """Decide between straight motion, left and right turns and stops, or other modes, on positions,
+    as `hybridtrack track` does.
 
     Args:
         times: (n,) increasing times of the rows; None for rows at uniform ticks.

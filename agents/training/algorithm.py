@@ -295,8 +295,8 @@ class NetworkAlgorithm(Algorithm):
     """Rounds between two lines of metrics."""
     net: Any
     """The network that is trained."""
-    world: Any
-    """Options of the environment of the agent."""
+    world: Any = None
+    """Options of the environment of the agent, None if it has none."""
     rounds: int = 0
     """Number of rounds so far, where a round is determined by its number."""
 
@@ -331,6 +331,8 @@ class NetworkAlgorithm(Algorithm):
         self.prepare()
         torch.manual_seed(self.seed)
         self.start(self.create_network(), self.settings.learning_rate)
+        if self.world is not None:
+            self.agent("").for_modes(self.world)
 
     def create_network(self) -> nn.Module:
         """Return the network at the beginning of the training."""

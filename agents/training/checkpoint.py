@@ -30,7 +30,7 @@ def track_arrays(env: TrackVectorEnv) -> dict[str, NDArray[Any]]:
     world = env.world
     arrays = {"observations": world.observations, "terminated": world.terminated}
     for name, records in ({"blocks": world.blocks} | world.bank._asdict()).items():
-        arrays |= {f"{name}.{field}": records[field] for field in records.dtype.names}
+        arrays |= {f"{name}.{field}": records[field] for field in records.dtype.names or ()}
     return arrays
 
 

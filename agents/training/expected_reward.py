@@ -25,7 +25,6 @@ from agents.learned.statement_net import StatementOutputs
 from agents.training.algorithm import NetworkAlgorithm
 from agents.training.settings import NetworkSettings
 from hybrid_env.checks import Count, FloatArray
-from hybrid_env.quickest_options import QuickestOptions
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,8 +122,6 @@ class ExpectedRewardAlgorithm(NetworkAlgorithm):
     round_steps: int
     # Steps of the optimizer so far.
     updates: int = 0
-    # Options of the environment of the agent, None if it has none.
-    world: QuickestOptions | None = None
 
     @abstractmethod
     def batches(self) -> Iterator[StatementBatch]:

@@ -139,12 +139,15 @@ class LibraryAlgorithm(Algorithm):
     def load(cls, saved: SavedPolicy, options: Any) -> Decider:
         """See `Algorithm.load`."""
         try:
+            types = saved.card.get("types")
+            if types not in (None, [*options.type_names]):
+                raise ValueError(f"its modes are of the types {', '.join(types)}")
             width = check_integer(
                 "observation_width", saved.card["observation_width"], maximum=LARGEST_WIDTH
             )
             cls.Settings.check_network(saved.entry["policy_kwargs"])
             actor = cls.actor(saved.weights, saved.entry, width, LAYOUTS[saved.task])
-            return actor_decider(actor, options.switches)
+            return actor_decider(actor, options)
         except (KeyError, TypeError, ValueError, RuntimeError) as error:
             raise unreadable_policy(saved.folder, error) from None
 
@@ -229,7 +232,7 @@ class LibraryAlgorithm(Algorithm):
         actor = self.actor(
             self.network.state_dict(), vars(self.settings), layout.width, type(layout)
         )
-        return actor_decider(actor, self.switches).changed(title=title)
+        return actor_decider(actor, self.world).changed(title=title)
 
     def evaluate(self) -> None:
         """See `Algorithm.evaluate`; only if the actions are declarations of hypotheses or types, or
@@ -331,5 +334,6 @@ class LibraryAlgorithm(Algorithm):
             model.logger.close()
 
     def card(self) -> dict[str, Any]:
-        """See `Algorithm.card`; with the width of the rows."""
-        return super().card() | {"observation_width": self.model.observation_space.shape[0]}
+        """See `Algorithm.card`; with the width of the rows, and the types of the modes."""
+        width = self.model.observation_space.shape[0]
+        return super().card() | {"observation_width": width, "types": self.world.type_names}

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baselines.estimation.turns import begin_turn, predict_turn
+from baselines.estimation.turns import begin_standing, begin_turn, predict_turn
 from hybrid_env.checks import FloatArray, Moments, PositiveOrZero, check_array, checked, reject
 from hybrid_env.compiled import compiled, prepare
 
@@ -27,10 +27,10 @@ def forecast(
     Args:
         estimate: (4,) [x, vx, y, vy] [m, m/s].
         covariance: (4, 4) of the estimate.
-        probabilities: (M,) of the modes: straight, then the left and the right turns in the order
-            of the radii.
-        model: the options of an environment or the model of a recording, with the `radii` [m], the
-            tick `tau` [s] and Q, `process_variance`.
+        probabilities: (M,) of the modes. A mode that is no turn of a radius and no stop counts as
+            straight motion.
+        model: the options of an environment or the model of a recording, with `all_modes`, the tick
+            `tau` [s] and Q, `process_variance`.
         seconds: (k,) times ahead [s].
 
     Raises:
@@ -38,11 +38,16 @@ def forecast(
     """
     mean = check_array("estimate", estimate, (4,))
     matrix = check_array("covariance", covariance, (4, 4))
-    weights = check_array("probabilities", probabilities, (2 * len(model.radii) + 1,))
+    weights = check_array("probabilities", probabilities, (len(model.all_modes),))
     if (weights < 0.0).any() or weights.sum() <= 0.0:
         raise reject("probabilities", weights, "at least 0, and not all 0")
-    left = 1.0 / np.array(model.radii)
-    modes = [begin_turn(mean, matrix, each, 0.0) for each in (0.0, *left, *-left)]
+    modes = []
+    for mode in model.all_modes:
+        curvature = 1.0 / mode.signed_radius if mode.signed_radius else 0.0
+        stands = mode.type == "stop"
+        modes.append(
+            begin_standing(mean, matrix) if stands else begin_turn(mean, matrix, curvature, 0.0)
+        )
     return forecast_turns(weights, modes, model, seconds)
 
 

@@ -8,11 +8,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from baselines.estimation.forecast import forecast_turns
-from baselines.estimation.turns import Turn, TurnFilter, begin_turn, speed_of
+from baselines.estimation.turns import Turn, TurnFilter, begin_standing, begin_turn, speed_of
 from hybrid_env.checks import AnyArray, FloatArray, Moments
 from hybrid_env.live import LiveTracks
 from hybrid_env.sensors import Fused
 
+# Types of modes: of straight motion, and of all that is none of the next ones, 0, of left turns 1,
+# of right turns 2, and of stops.
+STANDING = 3
 # Relative deviation of the curvature of a turn from that of its hypothesis.
 SPREAD = 0.5
 
@@ -21,10 +24,10 @@ class TurnTracks(LiveTracks):
     """`LiveTracks` of one track that also estimate speed and radius of the object, which may turn
     with another radius than those of the bank.
 
-    Filters of straight motion, of a left and of a right turn begin at every announced switch, where
-    the filter of the decided type ends. With unknown switches the filter of a turn begins when a
-    turn of its type is stated. The curvature is first distributed as those of the bank, each with a
-    relative deviation of .5.
+    Filters of straight motion, of a left and of a right turn, and of a standing object begin at
+    every announced switch, where the filter of the decided type ends. With unknown switches the
+    filter of a turn begins when a turn of its type is stated. The curvature is first distributed as
+    those of the bank, each with a relative deviation of .5.
 
     Args:
         options: of the environment.
@@ -32,13 +35,17 @@ class TurnTracks(LiveTracks):
 
     def __init__(self, options: Any):
         super().__init__(options)
-        curvatures = 1.0 / np.array(options.radii)
+        curvatures = 1.0 / np.array(options.radii or [math.inf])
         self._curvature = float(curvatures.mean())
         squares = curvatures.var() + SPREAD**2 * np.mean(curvatures**2)
         self._deviation = math.sqrt(float(squares))
         x, y = np.broadcast_to(options.variances, 2).tolist()
         self._unit_noise = np.array([x, 0.0, y])
-        self._filter = TurnFilter(options.tau, options.process_variance, 3)
+        self._filter = TurnFilter(options.tau, options.process_variance, STANDING + 1)
+        self._types = [
+            STANDING if mode.type == "stop" else int(np.sign(mode.signed_radius)) % 3
+            for mode in options.all_modes
+        ]
         # The decided type when the filters began; -1 if they have not.
         self._begun = np.full(1, -1)
 
@@ -61,9 +68,8 @@ class TurnTracks(LiveTracks):
 
     @property
     def decided_type(self) -> int:
-        """Type of the last decided mode: 0 straight, 1 left, 2 right."""
-        radii = len(self.options.radii)
-        return (self.mode + radii - 1) // radii
+        """Type of the last decided mode: 0 straight, 1 left, 2 right, 3 standing."""
+        return self._types[self.mode]
 
     def begin(self, estimates: FloatArray, covariance: FloatArray, modes: ArrayLike = -1) -> None:
         """See `LiveTracks.begin`."""
@@ -112,8 +118,8 @@ class TurnTracks(LiveTracks):
         return begun > 0 or (self.announced and begun == 0)
 
     def _begin_types(self) -> list[Moments]:
-        """Return states and covariances of straight motion, a left and a right turn that begin now,
-        at the estimate of the filter of the decided type if it runs, or at that of the bank.
+        """Return states and covariances of the types of modes that begin now, at the estimate of
+        the filter of the decided type if it runs, or at that of the bank.
         """
         if not self._runs:
             return self._begin_from(self.estimate(), self.covariance())
@@ -126,7 +132,8 @@ class TurnTracks(LiveTracks):
         """Return the same, at an estimate (4,) with its covariance (4, 4)."""
         curvature, deviation = self._curvature, self._deviation
         laws = (0.0, 0.0), (curvature, deviation), (-curvature, deviation)
-        return [begin_turn(estimate, covariance, *law) for law in laws]
+        turns = [begin_turn(estimate, covariance, *law) for law in laws]
+        return [*turns, begin_standing(estimate, covariance)]
 
     def _rough(self) -> Moments:
         """Return the merged estimate at the measured position, if there is one, with the variance
@@ -145,6 +152,8 @@ class TurnTracks(LiveTracks):
 
     def turn(self) -> Turn:
         """Return speed and radius of the decided mode, and their deviations."""
+        if self.decided and self.decided_type == STANDING:
+            return Turn(0.0, 0.0, math.nan, math.nan)
         if self.decided and self._runs:
             return self._filter.turn(self.decided_type)
         _, vx, _, vy = self._view("estimate").tolist()
@@ -159,12 +168,11 @@ class TurnTracks(LiveTracks):
 
         stated: only of the stated mode, without the doubt about it.
         """
-        straight, left, right = np.split(self.probabilities(), [1, 1 + len(self.options.radii)])
-        weights = np.array([straight.sum(), left.sum(), right.sum()])
+        weights = np.asarray(np.bincount(self._types, self.probabilities(), STANDING + 1), float)
         if stated:
-            weights = np.eye(3)[self.decided_type]
+            weights = np.eye(STANDING + 1)[self.decided_type]
         if self._runs and not self.decided:
-            turns = [self._filter.moments(each) for each in range(3)]
+            turns = [self._filter.moments(each) for each in range(STANDING + 1)]
         else:
             turns = self._begin_types()
             if self._runs:

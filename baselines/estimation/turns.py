@@ -33,8 +33,8 @@ class Turn(NamedTuple):
     Attributes:
         speed: [m/s].
         speed_deviation: standard deviation of its error.
-        radius: speed over turn rate [m]; infinite if the motion is straight, NaN if it is not
-            decided.
+        radius: speed over turn rate [m]; infinite if the motion is straight, NaN if the object
+            stands or the mode is not decided.
         radius_deviation: standard deviation of its error; NaN unless the object turns.
     """
 
@@ -171,6 +171,14 @@ def begin_turn(
     matrix = of_estimate @ covariance @ of_estimate.T
     matrix[6, 6] += (speed * deviation) ** 2
     return np.array([x, y, vx, vy, vx, vy, curvature * speed]), matrix
+
+
+def begin_standing(estimate: FloatArray, covariance: FloatArray) -> Moments:
+    """Return state (7,) and covariance (7, 7) of an object that stands; arguments as of
+    `begin_turn`.
+    """
+    kept = np.array([1.0, 0.0, 1.0, 0.0])
+    return begin_turn(estimate * kept, covariance * np.outer(kept, kept), 0.0, 0.0)
 
 
 @internal

@@ -123,16 +123,16 @@ def first_state(
     lengths: Sequence[int],
 ) -> tuple[FloatArray | None, FloatArray | None]:
     """Return estimate (4,) [x, vx, y, vy] and covariance (4, 4) one tick before the first
-    measurement of a piece with known switches, seen backwards; nothing with too few measurements. A
-    bank for known switches takes its first estimate as exact, and an error there passes on from
-    piece to piece; a straight line is not good enough if the object turns by much in a tick. So the
-    interacting multiple model bank runs backwards over at most 50 ticks of the first of `lengths`.
-    They are used twice, which a live sensor does not allow.
+    measurement of a piece with known switches, seen backwards; nothing with too few measurements or
+    with modes of the user. A bank for known switches takes its first estimate as exact, and an
+    error there passes on from piece to piece; a straight line is not good enough if the object
+    turns by much in a tick. So the interacting multiple model bank runs backwards over at most 50
+    ticks of the first of `lengths`. They are used twice, which a live sensor does not allow.
     """
     ticks = min(50, lengths[0], len(piece.measurements))
     # The last tick only predicts.
     values = np.pad(piece.measurements[:ticks][::-1], ((0, 1), (0, 0)), constant_values=np.nan)
-    if np.count_nonzero(~np.isnan(values[:, 0])) < 3:
+    if np.count_nonzero(~np.isnan(values[:, 0])) < 3 or model.modes:
         return None, None
     rates = np.append(-piece.rates[:ticks][::-1], np.nan)
     rows = np.arange(ticks + 1)

@@ -13,25 +13,25 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from baselines.recordings.ticks import TickGrid
-from baselines.rules.measurements import run_compiled
+from baselines.recordings.track_modes import in_units
 from hybrid_env.checks import AnyArray, BoolArray, FloatArray, IntArray
 from hybrid_env.compiled import (
     LANES,
     MEASURED_FIELDS,
+    DenseImmBank,
     FilterModel,
     ImmBank,
     aligned_zeros,
     bank_arrays,
-    begin_imm,
     compiled,
-    correct_imm,
     internal,
     lanes_of,
-    predict_imm,
-    step_imm,
+    operations,
+    prepare,
 )
 from hybrid_env.durations import GeometricDurations
 from hybrid_env.limits import MAX_LENGTH
+from hybrid_env.modes import Mode, modes_of_radii, motion_table
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.sensors import Radar, sensor_table
 
@@ -73,7 +73,7 @@ class Pass(NamedTuple):
 
 @internal
 def _begin(
-    bank: ImmBank,
+    bank: Any,
     block: Any,
     lane: int,
     first: FloatArray,
@@ -100,21 +100,19 @@ def _begin(
         block.covariance[7 * axis, lane] = variance
         block.covariance[7 * axis + 1, lane] = variance / time
         block.covariance[5 * axis + 4, lane] = spread
-    begin_imm(bank, block, lane, -1)
+    operations.begin_imm(bank, block, lane, -1)
 
 
 @compiled
 def imm_pass(
     chunks: Chunks,
-    bank: ImmBank,
+    bank: Any,
     radii: FloatArray,
     model: FilterModel,
-    renewed: FilterModel,
     output: Pass,
 ) -> float:
     """Run the bank over all chunks; return the logarithm of the likelihood. The bank, of one block,
-    and the output are overwritten; no radii (n,) is a bank of straight motion. renewed: the model
-    of a tick after a known switch.
+    and the output are overwritten; no radii (n,) is a bank of straight motion.
     """
     total = 0.0
     block = output.block[0]
@@ -130,21 +128,21 @@ def imm_pass(
                 block.rates[0, lane] = chunks.rates[b, k, lane]
             if chunks.alike[b, k]:
                 # By SIMD code; what lanes without a chunk hold is not used.
-                step_imm(bank, block, np.uint64(0), np.uint64(LANES), radii, model)
+                first, last = np.uint64(0), np.uint64(LANES)
+                operations.step_imm(bank, block, first, last, radii, model)
             for lane in range(LANES):
                 second = chunks.starts[b, 1, lane]
                 if k == second:
-                    first = chunks.starts[b, 0, lane]
-                    start = chunks.measurements[b, first]
-                    _begin(bank, block, lane, start, second - first, turn, model)
+                    before = chunks.starts[b, 0, lane]
+                    start = chunks.measurements[b, before]
+                    _begin(bank, block, lane, start, second - before, turn, model)
                 if k <= second:
                     continue
                 measured = not math.isnan(block.measurement[0, lane])
                 if not chunks.alike[b, k]:
-                    of_tick = renewed if chunks.switches[b, k, lane] else model
-                    predict_imm(bank, block, lane, radii, of_tick)
-                    if measured:
-                        correct_imm(bank, block, lane, chunks.sensors, of_tick)
+                    if chunks.switches[b, k, lane]:
+                        operations.begin_imm(bank, block, lane, -1)
+                    operations.sense_imm(bank, block, lane, radii, chunks.sensors, model)
                 best = 0
                 for h in range(bank.hypotheses.size):
                     value = bank.hypotheses[h].log_probability[lane]
@@ -160,17 +158,23 @@ def imm_pass(
     return total
 
 
-def run_pass(chunks: Chunks, radii: Sequence[float], model: FilterModel) -> Pass:
-    """Run the bank of radii over chunks."""
+def run_pass(chunks: Chunks, track: "TrackModel") -> Pass:
+    """Run the bank of a model over chunks, in their units."""
     shape = chunks.measurements.shape[:2]
-    modes = 2 * len(radii) + 1
+    modes = track.hypotheses
     block = aligned_zeros((1,), PASS_BLOCK)
     white, probabilities = (np.full((*shape, rows, LANES), np.nan) for rows in (2, modes))
     output = Pass(0.0, white, probabilities, block)
-    renewed = model._replace(stay_probability=1.0 / modes, switch_probability=1.0 / modes)
-    bank = bank_arrays(ImmBank, len(radii))
-    total = run_compiled(imm_pass, chunks, bank, np.array(radii, float), model, renewed, output)
-    return output._replace(log_likelihood=total)
+    radii = np.array(track.radii, float)
+    model = track.of_bank
+    bank = bank_arrays(DenseImmBank if track.modes else ImmBank, len(radii), modes=modes)
+    if track.modes:
+        bank.motions[:] = motion_table(track.modes, 1.0, model.process_variance)
+        stays = (model.stay_probability - model.switch_probability) * np.eye(modes)
+        bank.transitions[:] = model.switch_probability + stays
+    arguments = chunks, bank, radii, model, output
+    prepare(imm_pass, *arguments)
+    return output._replace(log_likelihood=imm_pass(*arguments))
 
 
 def grid_chunks(
@@ -264,13 +268,30 @@ class TrackModel:
     turns: bool = True
     # Proposed by the recording, which they explain better than the given ones.
     better_radii: tuple[float, ...] = ()
+    # Without one, straight motion and the turns of the radii.
+    modes: tuple[Mode, ...] = ()
+
+    @property
+    def hypotheses(self) -> int:
+        """Number of modes of the bank."""
+        return len(self.modes) or 2 * len(self.radii) + 1
+
+    @property
+    def all_modes(self) -> tuple[Mode, ...]:
+        """Modes of the bank, in its order."""
+        return self.modes or modes_of_radii(self.radii)
+
+    def modes_in(self, length: float, velocity: float) -> tuple[Mode, ...]:
+        """Return `modes` for positions times `length` and velocities times `velocity`."""
+        units = length, velocity, self.tau, self.speed
+        return tuple(in_units(mode, *units) for mode in self.modes)
 
     @property
     def of_bank(self) -> FilterModel:
         """Return the model of the bank, of lengths in any unit and times in ticks, with geometric
         durations.
         """
-        modes = 2 * len(self.radii) + 1
+        modes = self.hypotheses
         hazard = min(1.0 / self.duration, 1.0 - 1.0 / modes)
         return FilterModel(
             1.0,
@@ -294,12 +315,13 @@ class TrackModel:
         chunks, places = grid_chunks(grid, deviation, lengths, longest)
         model = replace(
             self,
+            radii=tuple(radius / deviation for radius in self.radii),
+            modes=self.modes_in(1.0 / deviation, self.tau / deviation),
             measurement_variance=1.0,
             process_variance=self.process_variance * self.tau**2 / self.measurement_variance,
             duration=math.inf if lengths else self.duration,
         )
-        radii = [radius / deviation for radius in self.radii]
-        return run_pass(chunks, radii, model.of_bank), places
+        return run_pass(chunks, model), places
 
     @property
     def scales(self) -> FloatArray:
@@ -313,7 +335,8 @@ class TrackModel:
         """Return why filters cannot have this model, and what helps, "" if it is not known."""
         step = self.speed * self.tau
         radii = ", ".join(f"{radius:.4g}" for radius in self.radii)
-        if "radii" not in self.estimated and min(self.radii) < step / np.pi:
+        smallest = min(self.radii, default=math.inf)
+        if "radii" not in self.estimated and smallest < step / np.pi:
             return (
                 f"the object goes {step:.4g} in a tick, more than half a turn of radius {radii}:"
                 " give --radii in the unit of the positions, or none to find them"
@@ -331,6 +354,7 @@ class TrackModel:
         return {
             "sensors": () if radar is None else (radar.scaled(length, velocity),),
             "radii": tuple(radius * length for radius in self.radii),
+            "modes": self.modes_in(length, velocity) or None,
             "speed": self.speed * velocity,
             "tau": 0.1,
             "process_variance": self.process_variance * velocity**2,

@@ -20,8 +20,10 @@ from baselines.recordings.scatter import (
     step_length,
 )
 from baselines.recordings.ticks import TickGrid
+from baselines.recordings.track_modes import in_units
 from hybrid_env.checks import ArgumentError, FloatArray
 from hybrid_env.compiled import LANES
+from hybrid_env.modes import Mode, radii_of_modes
 
 # Turns of a tick that are tried [rad]: 0.004 to 1.02.
 ANGLES = tuple(float(angle) for angle in 0.004 * 2.0 ** (0.5 * np.arange(17)))
@@ -40,12 +42,13 @@ def fit_model(
     process_variance: float | None = None,
     duration: float | None = None,
     lengths: Sequence[int] = (),
+    modes: tuple[Mode, ...] = (),
 ) -> TrackModel:
     """Find what is not given of a model by maximum likelihood; a recording that does not move is
-    refused, and one that stands for a while, see `_check_radii`. Without radii [unit of length],
-    one to three are proposed, as many as the Bayesian information criterion allows. With a radar R
-    is its `nominal_variance`. With lengths, the ticks between known switches, the mean duration has
-    no effect.
+    refused, and one that stands for a while, see `_check_radii`. Without radii [unit of length] and
+    modes, one to three radii are proposed, as many as the Bayesian information criterion allows.
+    With a radar R is its `nominal_variance`. With lengths, the ticks between known switches, the
+    mean duration has no effect.
     """
     # Smallest standard deviation of a measurement, over the median motion of a tick.
     smallest_noise = 1e-4
@@ -63,7 +66,7 @@ def fit_model(
     chunks, _ = grid_chunks(grid, scale, lengths, 512, 4096)
 
     def likelihood(at: TrackModel) -> float:
-        total = run_pass(chunks, at.radii, at.of_bank).log_likelihood
+        total = run_pass(chunks, at).log_likelihood
         return total if math.isfinite(total) else -math.inf
 
     # Q tau^2 / R that are tried.
@@ -78,6 +81,10 @@ def fit_model(
         speed / scale,
         1.0,
     )
+    if modes:
+        radii = radii_of_modes(modes)
+        units = 1.0 / scale, tau / scale, tau, speed / tau
+        given = replace(given, modes=tuple(in_units(mode, *units) for mode in modes))
     known = {
         "measurement_variance": measurement_variance,
         "process_variance": process_variance,
@@ -85,7 +92,7 @@ def fit_model(
     }
     free = [name for name, value in known.items() if value is None]
     penalty = math.log(np.count_nonzero(~np.isnan(chunks.measurements[:, :, 0])))
-    proposed = _proposed(likelihood, given, processes)
+    proposed = _proposed(likelihood, given, processes) if not modes else given
     margin = 0.0
     better: tuple[float, ...] = ()
     if radii is None:
@@ -94,17 +101,17 @@ def fit_model(
     else:
         given_radii = [replace(given, process_variance=q) for q in processes]
         best = _refine(likelihood, max(given_radii, key=likelihood), free)
-        if likelihood(proposed) > likelihood(best) + CLEARLY:
+        if not modes and likelihood(proposed) > likelihood(best) + CLEARLY:
             better = _refine(likelihood, proposed, ["radii"]).radii
     limit = likelihood(best) - margin
-    turns = limit > _straight(likelihood, best, free, limit)
+    turns = bool(modes) or limit > _straight(likelihood, best, free, limit)
     if lengths:
         duration = float(np.mean(lengths))
     if duration is None:
         duration = _counted_duration(chunks, best)
         free.append("duration")
     fitted = TrackModel(
-        tuple(radii or sorted(radius * scale for radius in best.radii)),
+        tuple(sorted(radius * scale for radius in best.radii) if radii is None else radii),
         measurement_variance or best.measurement_variance * rough,
         best.process_variance * rough / tau**2 if process_variance is None else process_variance,
         duration,
@@ -113,6 +120,7 @@ def fit_model(
         tuple(free),
         turns,
         tuple(sorted(radius * scale for radius in better)),
+        modes,
     )
     if turns and {"radii", "measurement_variance"} <= set(free):
         _check_radii(fitted)
@@ -241,7 +249,7 @@ def _counted_duration(chunks: Chunks, model: TrackModel) -> float:
     likelihood says little about it. Short changes, made by noise, do not count; without one it is
     the duration of the recording.
     """
-    probabilities = run_pass(chunks, model.radii, model.of_bank).probabilities
+    probabilities = run_pass(chunks, model).probabilities
     changes = 0
     total = 0
     for lane in np.moveaxis(probabilities, 3, 1).reshape(-1, *probabilities.shape[1:3]):

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 from baselines.recordings.imm_pass import TrackModel
 from baselines.recordings.projection import Projection
 from hybrid_env.checks import ArgumentError, reject
+from hybrid_env.modes import parse_modes
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.sensors import Radar
 
@@ -63,6 +64,7 @@ def _settings(values: Mapping[str, Any]) -> TrackerSettings:
         values["duration"],
         values["speed"],
         values["tick"],
+        modes=parse_modes(values.get("modes") or None) or (),
     )
     place = values["projection"]
     return TrackerSettings(

@@ -121,12 +121,13 @@ def gate_distance(
     tau: float,
     noise: FloatArray,
     ticks: int,
+    stops: bool,
 ) -> float:
     """Return the distance of a measurement (2,) from the nearest predicted position, in standard
-    deviations. Predicted are straight motion and the turns of the bank by no large angle, from an
-    estimate (4,) one tick before, its covariance (4, 4) and that of the measurement, `noise`, xx,
-    xy, yy [m^2]. What turns in the `ticks` since the estimate was certainly right can have added to
-    the distance from a straight line does not count.
+    deviations. Predicted are straight motion, the turns of the bank by no large angle, and with
+    `stops` no motion, from an estimate (4,) one tick before, its covariance (4, 4) and that of the
+    measurement, `noise`, xx, xy, yy [m^2]. What turns in the `ticks` since the estimate was
+    certainly right can have added to the distance from a straight line does not count.
     """
     # Angle in a tick [rad] above which a turn is no explanation of a measurement.
     largest_turn = 1.0
@@ -138,15 +139,16 @@ def gate_distance(
     v = tau * estimate[3]
     step = math.hypot(u, v)
     allowed = 0.0
-    if ticks > 1 and step <= largest_turn * radii.min():
+    if ticks > 1 and radii.size and step <= largest_turn * radii.min():
         path = step * ticks
         allowed = path * min(path / (2.0 * radii.min()), 2.0)
     nearest = math.inf
-    # Turns to the right, straight, and turns to the left.
-    for k in range(-radii.size, radii.size + 1):
-        angle = math.copysign(step, k) / radii[abs(k) - 1] if k else 0.0
+    # Turns to the right, straight, turns to the left, and a stop.
+    for k in range(-radii.size, radii.size + 1 + stops):
+        stands = k > radii.size
+        angle = 0.0 if stands or k == 0 else math.copysign(step, k) / radii[abs(k) - 1]
         if abs(angle) <= largest_turn:
-            along = math.sin(angle) / angle if angle else 1.0
+            along = math.sin(angle) / angle if angle else 1.0 - stands
             across = (1.0 - math.cos(angle)) / angle if angle else 0.0
             dx = measurement[0] - estimate[0] - (along * u - across * v)
             dy = measurement[1] - estimate[2] - (along * v + across * u)

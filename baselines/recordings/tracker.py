@@ -5,7 +5,6 @@ covariance.
 import copy
 import math
 import operator
-from collections.abc import Sequence
 from datetime import datetime
 from typing import TYPE_CHECKING, Any, Self
 
@@ -19,6 +18,7 @@ from baselines.recordings.clock import TickClock
 from baselines.recordings.online_estimate import OnlineEstimate, Status
 from baselines.recordings.sensor_units import SensorUnits
 from baselines.recordings.start import FirstMeasurements, gate_distance, unit_noise
+from baselines.recordings.track_modes import in_units, names_of_modes
 from baselines.recordings.track_state import Snapshot, TrackState
 from baselines.rules.decider import UNKNOWN, Decider, rules
 from baselines.rules.external import CheckedDecider, as_decider, name_of
@@ -42,14 +42,6 @@ from hybrid_env.world import World
 
 if TYPE_CHECKING:
     from baselines.recordings.projection import Projection
-
-
-def names_of_modes(radii: Sequence[float]) -> list[str]:
-    """Return the names S, L and R of the modes of some radii, with the radius if there are
-    several.
-    """
-    shown = [f" {radius:.4g}" if len(radii) > 1 else "" for radius in radii]
-    return ["S", *(f"{turn}{text}" for turn in "LR" for text in shown)]
 
 
 class OnlineTracker(OwnState):
@@ -131,7 +123,8 @@ class OnlineTracker(OwnState):
         )
         self.tau = options.tau * self.units.second
         self.gap = 1000.0 * self.tau if gap is None else checked("gap", gap, Positive)
-        self._model = np.array(options.radii), options.tau
+        self._model = np.array(options.radii, float), options.tau
+        self._stops = any(mode.type == "stop" for mode in options.all_modes)
         self._noise = unit_noise(options)
         self._ask = CheckedDecider(self.decider, self.options.action_count)
         self._longest = options.longest_segment
@@ -390,7 +383,11 @@ class OnlineTracker(OwnState):
     @property
     def mode_names(self) -> list[str]:
         """Names of the modes, see `names_of_modes`."""
-        return names_of_modes([radius / self.units.scales[0] for radius in self.options.radii])
+        length, velocity = (1.0 / self.units.scales[:2]).tolist()
+        tau, speed = self.options.tau, self.options.speed
+        return names_of_modes(
+            [in_units(mode, length, velocity, tau, speed) for mode in self.options.all_modes]
+        )
 
     @property
     def world(self) -> World:
@@ -474,7 +471,9 @@ class OnlineTracker(OwnState):
         noise = self._noise if point.covariance is None else np.array(point.covariance)
         seen = np.array(point.position), estimate, covariance
         ticks = self.track.uncertain_ticks
-        return run_compiled(gate_distance, *seen, *self._model, noise, ticks) <= self.gate
+        return (
+            run_compiled(gate_distance, *seen, *self._model, noise, ticks, self._stops) <= self.gate
+        )
 
     def _begin_announced(self) -> None:
         """Begin the segment that `switch` has announced, if there is one."""

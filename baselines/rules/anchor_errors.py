@@ -12,7 +12,6 @@ from baselines.rules.component_filters import (
 )
 from baselines.rules.decider import Observations
 from baselines.rules.measurements import run_compiled
-from baselines.rules.msprt import mode_types
 from baselines.rules.propagation import STATES, Memory, propagate
 from hybrid_env.checks import AnyArray, BoolArray, FloatArray, IntArray, OwnState
 from hybrid_env.compiled import (
@@ -133,7 +132,7 @@ class AnchorErrors(OwnState):
         assumption, component, h = np.unravel_index(chosen, share.shape[1:])
         previous = self.layout.read(rows, "previous").argmax(-1)[:, None]
         # What runs on if the hypothesis is true.
-        types = mode_types(self.world.hypotheses)
+        types = self.world.types
         refined = self.world.refine_radius & (types[h] == types[previous])
         declared = np.where(refined | (self.world.follow == "bank"), h, previous)
         likely = weight > NEGLIGIBLE

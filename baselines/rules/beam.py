@@ -124,7 +124,7 @@ class BeamDecider(MeasurementDecider):
             shares = 1.0 - prior.different, prior.different, prior.different
             weights = np.outer(shares, prior.weights) / np.sum(prior.weights)
         self.model = BeamModel(
-            np.array(options.radii),
+            options.motions,
             hazards(options.duration_laws),
             options.law_places,
             options.next_mode_matrix,

@@ -36,13 +36,12 @@ from hybrid_env.compiled import (
     State,
     Triangle4,
     aligned_zeros,
-    begin_hypothesis,
+    begin_motion,
     compiled,
     covariance_of,
     estimate_of,
     internal,
-    sense_hypothesis,
-    signed_radius,
+    sense_motion,
     write_measured,
 )
 
@@ -89,8 +88,8 @@ class BeamModel(NamedTuple):
     `order`.
     """
 
-    # (n,) turn radii [m]
-    radii: FloatArray
+    # (M,) records `memory.MOTION`
+    motions: AnyArray
     # (2 K, ages) probability that a segment ends after each age, see above.
     hazards: FloatArray
     # (M,) law of each mode.
@@ -150,8 +149,7 @@ def _begin_branch(
     """Begin branch b of a track with a segment of a mode, from an estimate and its covariance."""
     kalman = branches.filters[track, b // LANES]
     lane = b % LANES
-    radius = signed_radius(mode, model.radii)
-    begin_hypothesis(kalman, lane, anchor, covariance, radius, model.filters.tau)
+    begin_motion(kalman, lane, anchor, covariance, model.motions[mode], model.filters)
     kalman.log_likelihood[lane] = log_weight
     history = branches.histories[track, b]
     history.mode = mode
@@ -166,7 +164,7 @@ def begin_branches(branches: Branches, track: int, start: FloatArray, model: Bea
     """Replace the branches of a track by one of every mode; `start` as in
     `MeasurementDecider.begin_track`.
     """
-    modes = 2 * model.radii.size + 1
+    modes = model.motions.size
     anchor = (start[0], start[1], start[2], start[3])
     for mode in range(modes):
         covariance = triangle(start[4:14])
@@ -255,7 +253,7 @@ def _switch(
     children; all_shares: (M, branches) is written: probabilities of each child and its parent.
     """
     learns = model.prior.size > 0
-    for mode in range(2 * model.radii.size + 1):
+    for mode in range(model.motions.size):
         shares = all_shares[mode]
         for b in range(weights.size):
             history = branches.histories[track, b]
@@ -333,7 +331,7 @@ def _extend(
             continues = weight + math.log1p(-hazard)
             children.filters[0, count // LANES].log_likelihood[count % LANES] = continues
             count += 1
-    shares = np.zeros((2 * model.radii.size + 1, switches.size))
+    shares = np.zeros((model.motions.size, switches.size))
     free = np.empty(0, np.int64)
     if learns:
         free = free_slots(branches.histories[track, : switches.size], branches.habits)
@@ -357,9 +355,8 @@ def step_branches(
     (1,), are memory. Measurements are (N, 2) or (N, 9), see `sensing.write_measured`.
     """
     capacity = branches.histories.shape[1]
-    # With signed ones the loop over lanes is no SIMD code.
-    first = np.uint64(0)
-    last = np.uint64(LANES)
+    # Straight motion and turns have the same filter, whose lanes are advanced together.
+    lanes = 1 if model.motions["linear"].any() else LANES
     for track in range(measurements.shape[0]):
         for lane in range(LANES):
             write_measured(measured[0], lane, measurements[track])
@@ -367,15 +364,19 @@ def step_branches(
         weights = np.empty(count)
         for group in range((count + LANES - 1) // LANES):
             kalman = children.filters[0, group]
-            sense_hypothesis(
-                kalman,
-                innovations[0],
-                first,
-                last,
-                measured[0],
-                model.sensors,
-                model.filters,
-            )
+            for lane in range(0, LANES, lanes):
+                history = children.histories[0, group * LANES + lane]
+                # With signed numbers the loop over lanes is no SIMD code.
+                sense_motion(
+                    kalman,
+                    innovations[0],
+                    np.uint64(lane),
+                    np.uint64(lane + lanes),
+                    model.motions[history.mode],
+                    measured[0],
+                    model.sensors,
+                    model.filters,
+                )
             for c in range(group * LANES, min(count, (group + 1) * LANES)):
                 weights[c] = -kalman.log_likelihood[c % LANES]
         if model.joined:

@@ -11,7 +11,15 @@ from typing import Any, ClassVar, Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hybrid_env.checks import AnyArray, BoolArray, Float32Array, FloatArray, IntArray, check_number
+from hybrid_env.checks import (
+    AnyArray,
+    BoolArray,
+    Float32Array,
+    FloatArray,
+    IntArray,
+    check_number,
+    reject,
+)
 from hybrid_env.observation import Layout, QuickestLayout
 from hybrid_env.rendering.evidence import EvidencePanel, posterior_panel, probability_panel
 
@@ -50,6 +58,7 @@ class Decider:
         variants: further names, each with the attributes that differ, and as "arguments" a function
             from the options of an environment to arguments of the class.
         hypotheses: number M that it requires; None applies to any.
+        any_modes: it applies to all modes, not only to straight motion and the turns of `radii`.
         observes: "rows" of the environment; "tracks" calls `observe` with the arrays of the
             environment.
         every_tick: it has filters of its own that predict, so it is also asked in ticks without a
@@ -73,6 +82,7 @@ class Decider:
     options: Mapping[str, Any] = {}
     variants: ClassVar[Variants] = {}
     hypotheses: int | None = None
+    any_modes: bool = True
     observes: Literal["rows", "tracks"] = "rows"
     every_tick: bool = False
     reads_options: bool = False
@@ -90,6 +100,16 @@ class Decider:
     def create(cls, options: Any, **arguments: Any) -> Self:
         """Return the decider for the options of an environment, at its default threshold."""
         return cls(*([options] if cls.reads_options else []), **arguments)
+
+    def for_modes(self, options: Any) -> Self:
+        """Return the decider for the modes of an environment; raise `ArgumentError` for those to
+        which it does not apply. What looks a decider up calls it, and what rolls one out.
+        """
+        if options.modes is not None and not self.any_modes:
+            modes = ", ".join(map(str, options.modes))
+            allowed = "straight motion, left and right turns of the same radii"
+            raise reject("modes", modes, f"{allowed} for {self.title or type(self).__name__}")
+        return self
 
     def at(self, threshold: ArrayLike) -> Self:
         """Return the decider at another threshold, or at several ones (K,), see `sweeps`.

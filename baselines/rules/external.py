@@ -211,7 +211,7 @@ def _create(
         elif swept:
             # The threshold is its second argument.
             created = functools.update_wrapper(lambda rows: model(rows, threshold), model)
-        decider = as_decider(created)
+        decider = as_decider(created).for_modes(options)
     at = functools.partial(_create, model, name, options, attributes)
     return decider.changed(**attributes, threshold=threshold, at=at)
 

@@ -7,13 +7,13 @@ that of the type, which neighbouring radii share.
 
 import math
 from functools import partial
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from baselines.rules.decider import Actions, Answer, Decider, Observations, Variants
-from hybrid_env.checks import AnyArray, BoolArray, FloatArray, IntArray, checked
+from hybrid_env.checks import AnyArray, FloatArray, IntArray, checked
 from hybrid_env.compiled import LOG_FLOOR
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
@@ -72,65 +72,32 @@ def rewarded(options: WorldOptions) -> By:
     return "type" if options.correctness == "type" else "hypothesis"
 
 
-def mode_types(hypotheses: int) -> IntArray:
-    """Return the type of each of M hypotheses, (M,): 0 straight, 1 left, 2 right."""
+def types_of_radii(hypotheses: int) -> IntArray:
+    """Return the type of each hypothesis of turn radii, (M,): 0 straight, 1 left, 2 right."""
     n = hypotheses // 2
     return np.repeat([0, 1, 2], [1, n, n])
 
 
-def type_sums(values: AnyArray) -> FloatArray:
-    """Return sums of (..., M) values over the hypotheses of each type, (..., 3)."""
-    n = values.shape[-1] // 2
-    parts = (values[..., :1], values[..., 1 : n + 1], values[..., n + 1 :])
+def group_sums(values: AnyArray, groups: IntArray) -> FloatArray:
+    """Return sums of (..., M) values over the hypotheses of each of G groups, (..., G). groups:
+    (M,) place of the group of each hypothesis, such as its type.
+    """
+    parts = (values[..., groups == k] for k in range(groups.max() + 1))
     return np.stack([part.sum(-1, dtype=np.float64) for part in parts], axis=-1)
-
-
-def posterior_of(values: NDArray[np.floating], by_type: bool = False) -> FloatArray:
-    """Return the posterior of each hypothesis or of its type, (N, M), from likelihoods or
-    posteriors (N, M).
-    """
-    sums = type_sums(values)[:, mode_types(values.shape[-1])] if by_type else values.astype(float)
-    return sums / values.sum(-1, dtype=float, keepdims=True)
-
-
-def _by_type(types: FloatArray, values: AnyArray) -> tuple[FloatArray, IntArray]:
-    """Return the sum of all types (N, 3) but the largest one, and the place of the largest value
-    (N, M) within it.
-    """
-    chosen = types.argmax(-1)[:, None]
-    best = np.where(mode_types(values.shape[-1]) == chosen, values, -np.inf).argmax(-1)
-    # Accurate where 1 - p would cancel.
-    return np.where(np.arange(3) == chosen, 0.0, types).sum(-1), best
 
 
 def error_and_best(
     posterior: NDArray[np.floating],
-    by_type: bool | BoolArray,
+    groups: IntArray,
 ) -> tuple[FloatArray, IntArray]:
     """Return the posterior error probability of the best declaration, and the hypothesis to
-    declare, each (N,). `by_type`, one value or (N,), counts only other types as errors, and
-    declares the likeliest of the likeliest type.
+    declare, each (N,): the likeliest of the likeliest group, where only other groups are errors.
     """
-    of_type, best_of_type = _by_type(type_sums(posterior), posterior)
-    best = np.where(by_type, best_of_type, posterior.argmax(-1))
-    others = np.where(np.arange(posterior.shape[1]) == best[:, None], 0.0, posterior).sum(
-        -1,
-        dtype=np.float64,
-    )
-    return np.where(by_type, of_type, others), best
-
-
-def read_error_probability(observation: Observations, by: By) -> tuple[FloatArray, IntArray]:
-    """Return the log error probability of the best declaration, at least `LOG_FLOOR`, and its
-    hypothesis, each (N,).
-    """
-    layout = Layout.of_rows(observation)
-    log_ratio = layout.read(observation, "log_ratio")
-    if by == "hypothesis":
-        return layout.read(observation, "log_error_probability"), log_ratio.argmax(-1)
-    types = type_sums(np.where(log_ratio <= CLIPPED_RATIO, 0.0, np.exp(log_ratio)))
-    error_probability, best = _by_type(types / types.sum(-1, keepdims=True), log_ratio)
-    return np.log(np.maximum(error_probability, np.exp(LOG_FLOOR))), best
+    sums = group_sums(posterior, groups)
+    chosen = sums.argmax(-1)[:, None]
+    best = np.where(groups == chosen, posterior, -np.inf).argmax(-1)
+    # Accurate where 1 - p would cancel.
+    return np.where(np.arange(sums.shape[-1]) == chosen, 0.0, sums).sum(-1), best
 
 
 class MSPRTDecider(Decider):
@@ -141,6 +108,8 @@ class MSPRTDecider(Decider):
             at most 1.
         by: "hypothesis" counts every other hypothesis as an error. "type" declares the most likely
             hypothesis of the most likely type and counts only other types as errors.
+        types: (M,) of the hypotheses, `options.types`; None are those of turn radii. Where a
+            decider is looked up or rolled out, they are those of the environment.
     """
 
     name = "msprt"
@@ -166,14 +135,35 @@ class MSPRTDecider(Decider):
         "msprt-robust": {"title": "MSPRT, robust", "options": ROBUST},
     }
 
-    def __init__(self, alpha: float = 0.02, by: By = "hypothesis"):
+    def __init__(
+        self,
+        alpha: float = 0.02,
+        by: By = "hypothesis",
+        types: IntArray | None = None,
+    ):
         super().__init__(alpha)
         self.by = checked("by", by, By)
+        self.types = types
+
+    def for_modes(self, options: Any) -> Self:
+        """See `Decider.for_modes`."""
+        return self.changed(types=options.types)
+
+    def types_in(self, layout: Layout) -> IntArray:
+        """Return the types of the hypotheses of rows."""
+        return types_of_radii(layout.hypotheses) if self.types is None else self.types
 
     def act(self, rows: Observations) -> Actions:
         """See `Decider.act`."""
-        log_error_probability, best = read_error_probability(rows, self.by)
-        return np.where(log_error_probability <= np.log(self.threshold), best + 1, 0)
+        layout = Layout.of_rows(rows)
+        log_ratio = layout.read(rows, "log_ratio")
+        log_error, best = layout.read(rows, "log_error_probability"), log_ratio.argmax(-1)
+        if self.by == "type":
+            likelihood = np.where(log_ratio <= CLIPPED_RATIO, 0.0, np.exp(log_ratio))
+            posterior = likelihood / likelihood.sum(-1, keepdims=True)
+            error, best = error_and_best(posterior, self.types_in(layout))
+            log_error = np.log(np.maximum(error, np.exp(LOG_FLOOR)))
+        return np.where(log_error <= np.log(self.threshold), best + 1, 0)
 
     def panel(self) -> EvidencePanel:
         """Return the panel of `evidence`."""
@@ -186,15 +176,18 @@ class MSPRTDecider(Decider):
         episode_start: Any = None,
     ) -> FloatArray:
         """Return the posterior of each hypothesis or of its type, (N, M)."""
-        log_ratio = Layout.of_rows(observation).read(observation, "log_ratio")
-        return posterior_of(np.exp(log_ratio), self.by == "type")
+        layout = Layout.of_rows(observation)
+        values = np.exp(layout.read(observation, "log_ratio"))
+        types = self.types_in(layout)
+        sums = group_sums(values, types)[:, types] if self.by == "type" else values
+        return sums / values.sum(-1, keepdims=True)
 
 
-def declare_types(decider: Decider, hypotheses: int) -> Decider:
+def declare_types(decider: Decider, types: IntArray) -> Decider:
     """Return a decider for an environment with `actions="types"`: where it declares a hypothesis it
-    declares its type. 0 waits, and 1, 2 and 3 declare straight, left and right.
+    declares its type. 0 waits, and type + 1 declares one. types: (M,) of the hypotheses.
     """
-    types = np.concatenate([[0], mode_types(hypotheses) + 1])
+    types = np.concatenate([[0], types + 1])
     return decider.changed(predict=partial(_predict_types, decider, types))
 
 

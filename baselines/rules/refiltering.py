@@ -52,6 +52,7 @@ class RefilteringDecider(Decider):
     bounds = 1e-300, 1.0
     every_tick = True
     reads_options = True
+    any_modes = False
     variants: ClassVar[Variants] = {
         "propagated-robust": {
             "title": "propagated anchor, robust",
@@ -78,7 +79,6 @@ class RefilteringDecider(Decider):
         # The anchor of the oracle is the true state.
         self.propagates = propagates and world.bank != "oracle"
         self.components = COMPONENTS if self.propagates else 1
-        self.by_type = world.correctness == "type"
         self.layout = Layout(world.hypotheses)
         self.observes = "tracks" if world.sensors else "rows"
 
@@ -148,7 +148,7 @@ class RefilteringDecider(Decider):
             state.filters.log_likelihood,
             state.log_weights,
         ).sum(0)
-        error, best = error_and_best(state.posterior, self.by_type)
+        error, best = error_and_best(state.posterior, self.world.groups)
         return np.where(error <= self.threshold, best + 1, 0), state
 
     def select_tracks(self, state: _State, tracks: BoolArray) -> _State:

@@ -6,7 +6,8 @@ from the estimate and covariance that it has before the measurement: the hypothe
 that mode here. Its likelihood ratio compares all measurements since its start with the filter of
 the stated mode, which runs on (Willsky & Jones 1976; Golubkov 2020, eq. (7)). When the statement
 changes, the most likely filter of the new mode becomes that of the stated mode, and all others are
-dropped. The filters are those of `anchor_aware`, with an exact anchor those of `published`.
+dropped. The filters are those of `anchor_aware`, with an exact anchor those of `published`; of
+other modes those of `dense`.
 """
 
 import math
@@ -38,11 +39,10 @@ from hybrid_env.compiled import (
     MEASURED,
     FilterModel,
     aligned_zeros,
-    begin_hypothesis,
+    begin_motion,
     compiled,
     covariance_of,
-    sense_hypothesis,
-    signed_radius,
+    sense_motion,
     write_measured,
 )
 from hybrid_env.quickest_options import QuickestOptions
@@ -74,13 +74,11 @@ class RestartedFilters(NamedTuple):
 class RestartModel(NamedTuple):
     """What the filters assume."""
 
-    # (n,) turn radii [m]
-    radii: FloatArray
+    # (M,) records `memory.MOTION`
+    motions: AnyArray
     # W, number of start ticks.
     window: int
-    # Whether centre and turn rate of a turn are certain.
-    exact_anchor: bool
-    # Model of the filters.
+    # Model of the filters, of which the published ones are certain of centre and turn rate.
     filters: FilterModel
     # (k,) records `memory.SENSOR`
     sensors: AnyArray
@@ -97,14 +95,13 @@ def begin_restarted(
     """Begin an episode of a track with a first statement; `start` as in
     `MeasurementDecider.begin_track`.
     """
-    begin_hypothesis(
+    begin_motion(
         filters.stated_filters[track, 0],
         0,
         (start[0], start[1], start[2], start[3]),
         triangle(start[4:14]),
-        signed_radius(mode, model.radii),
-        model.filters.tau,
-        model.exact_anchor,
+        model.motions[mode],
+        model.filters,
     )
     filters.counts[track] = 0
     filters.stated[track] = mode
@@ -129,7 +126,8 @@ def step_restarted(
         before = stated.log_likelihood[0]
         anchor = (stated.x[0], stated.vx[0], stated.y[0], stated.vy[0])
         covariance = covariance_of(stated, 0)
-        sense_hypothesis(stated, innovation, 0, 1, measured, model.sensors, model.filters)
+        motion = model.motions[filters.stated[track]]
+        sense_motion(stated, innovation, 0, 1, motion, measured, model.sensors, model.filters)
         new = filters.counts[track] % model.window
         filters.counts[track] += 1
         live = min(filters.counts[track], model.window)
@@ -137,22 +135,22 @@ def step_restarted(
             if mode == filters.stated[track]:
                 continue
             started = filters.started[track, mode]
-            begin_hypothesis(
+            begin_motion(
                 started[new // LANES],
                 new % LANES,
                 anchor,
                 covariance,
-                signed_radius(mode, model.radii),
-                model.filters.tau,
-                model.exact_anchor,
+                model.motions[mode],
+                model.filters,
             )
             started[new // LANES].log_likelihood[new % LANES] = before
             for group in range((live + LANES - 1) // LANES):
-                sense_hypothesis(
+                sense_motion(
                     started[group],
                     innovation,
                     0,
                     LANES,
+                    model.motions[mode],
                     measured,
                     model.sensors,
                     model.filters,
@@ -219,11 +217,11 @@ class RestartDecider(MeasurementDecider):
         self.margin = checked("margin", margin, PositiveOrZero)
         self.mean = mean
         self.hypotheses = options.hypotheses
+        kind = checked("bank", bank, Literal["published", "anchor_aware"])
         self.model = RestartModel(
-            np.array(options.radii),
+            options.motions,
             check_integer("window", window, maximum=10_000),
-            checked("bank", bank, Literal["published", "anchor_aware"]) == "published",
-            filter_model(options),
+            filter_model(options)._replace(exact_anchor=float(kind == "published")),
             sensors_of(options),
         )
 

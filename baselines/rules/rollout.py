@@ -56,7 +56,7 @@ def rollout(env: Any, model: Any, seed: int, unfinished: BoolArray | None = None
         unfinished: (N,) tracks whose actions still count, written by the body of the loop. Others
             are no longer passed to deciders that can drop tracks. Without it all count.
     """
-    decider = as_decider(model)
+    decider = as_decider(model).for_modes(env.options)
     tracks = env.num_envs
     # Tracks passed to the decider.
     ask = CheckedDecider(decider, int(env.single_action_space.n))

@@ -68,7 +68,7 @@ for line in stream:
 
 shown = [now for now in updates if now.decided]
 latitudes, longitudes = np.transpose([now.position for now in shown])
-colours = [mode_colour(now.mode, tracker.options.radii) for now in shown]
+colours = [mode_colour(now.mode, tracker.options.all_modes) for now in shown]
 figure, axes = plt.subplots(figsize=(7, 5), layout="constrained")
 axes.scatter(longitudes, latitudes, c=colours, s=8)
 axes.set(xlabel="longitude", ylabel="latitude", aspect=1 / np.cos(np.radians(latitudes[0])))

@@ -95,7 +95,7 @@ figure, axes = plt.subplots(figsize=(7, 6), layout="constrained")
 for ship, tracker in trackers.items():
     shown = [now for now in updates[ship] if now.decided]
     latitudes, longitudes = np.transpose([now.position for now in shown])
-    colours = [mode_colour(now.mode, tracker.options.radii) for now in shown]
+    colours = [mode_colour(now.mode, tracker.options.all_modes) for now in shown]
     axes.scatter(longitudes, latitudes, c=colours, s=8)
     axes.annotate(f" {ship}", (longitudes[0], latitudes[0]))
 axes.set(xlabel="longitude", ylabel="latitude", aspect=1 / np.cos(np.radians(53.4)))

@@ -87,7 +87,7 @@ print(collections.Counter(now.status for now in updates))
 
 shown = [now for now in updates if now.decided]
 x, y = np.transpose([now.position for now in shown])
-colours = [mode_colour(now.mode, tracker.options.radii) for now in shown]
+colours = [mode_colour(now.mode, tracker.options.all_modes) for now in shown]
 figure, axes = plt.subplots(figsize=(7, 5), layout="constrained")
 axes.scatter(x, y, c=colours, s=8)
 for mean, covariance in zip(*tracker.forecast((1.0, 2.0, 5.0)), strict=True):

@@ -198,7 +198,10 @@ MOTION = np.dtype(
         ("noise", np.float64, (MOTION_STATES, MOTION_STATES)),
         # Else the process noise is that of all modes, on the velocities.
         ("own_noise", np.bool_),
-    ]
+        # Else it is straight motion or a turn of a radius.
+        ("linear", np.bool_),
+    ],
+    align=True,
 )
 """A mode of motion, see `hybrid_env.modes`."""
 

@@ -23,7 +23,7 @@ def listed(modes: Modes) -> tuple[Mode, ...]:
     given = [mode for mode in modes if isinstance(mode, Mode)]
     if given:
         return tuple(given)
-    return modes_of_radii([radius for radius in modes if not isinstance(radius, Mode)])
+    return modes_of_radii(tuple(radius for radius in modes if not isinstance(radius, Mode)))
 
 
 def mode_name(mode: int, modes: Modes) -> str:

@@ -202,6 +202,7 @@ class JumpMarkovNet(nn.Module):
         views = turn_views(
             each.detach().numpy(),
             posterior.detach().numpy(),
+            filter_sides(posterior.shape[-1])[2:],
             (5,),
             2,
         )

@@ -11,7 +11,6 @@ The memory of the network is a sum over the rows of the segment, as in Deep Sets
 is processed at once in training.
 """
 
-import numpy as np
 import torch
 from torch import Tensor, nn
 
@@ -23,7 +22,6 @@ from studies.league.segments import (
     Segments,
     places,
     row_inputs,
-    sides,
     turn_layers,
     with_straight,
 )
@@ -74,6 +72,7 @@ class RewardDecider(SegmentDecider):
     of the network (N, M - 1, hidden).
     """
 
+    any_modes = True
     default = 0.03
     network = RewardNet
 
@@ -94,12 +93,9 @@ class Reward(SegmentAlgorithm):
         """Return the mean cross-entropy of the rewarded hypothesis over all rows."""
         lengths, declared, rewarded, _ = segments
         logs = self.net.whole(*inputs, lengths)
-        hypotheses = logs.shape[-1]
-        by_type = self.world.correctness == "type"
-        # Equal where declaring either hypothesis is rewarded alike.
-        kinds = torch.from_numpy(sides(hypotheses) if by_type else np.arange(hypotheses))
+        groups = torch.from_numpy(self.world.groups)
         with torch.no_grad():
-            possible = (kinds[declared][:, None] == kinds) == rewarded[:, None]
+            possible = (groups[declared][:, None] == groups) == rewarded[:, None]
             target = possible * logs[lengths.cumsum(0) - 1].exp().clamp(min=1e-9)
             target /= target.sum(-1, keepdim=True)
         return -(target[places(lengths)[0]] * logs).sum(-1).mean()

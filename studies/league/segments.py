@@ -28,12 +28,6 @@ INPUTS = 33
 SMALLEST = 1e-30
 
 
-def kinds(world: WorldOptions) -> NDArray[Any]:
-    """Return numbers (M,) that are equal where declaring either hypothesis is rewarded alike."""
-    by_type = world.correctness == "type"
-    return sides(world.hypotheses) if by_type else np.arange(world.hypotheses)
-
-
 def sides(hypotheses: int) -> NDArray[np.float32]:
     """Return 0 for straight motion, 1 for left and -1 for right turns, (M,)."""
     return np.repeat(np.array([0, 1, -1], np.float32), [1, hypotheses // 2, hypotheses // 2])
@@ -41,7 +35,8 @@ def sides(hypotheses: int) -> NDArray[np.float32]:
 
 def row_inputs(rows: Rows, tau: float) -> tuple[Rows, Rows]:
     """Return the inputs of each turn hypothesis (N, M - 1, 33), and the logarithm of the bank's
-    posterior (N, M).
+    posterior (N, M). Other modes take the places of straight motion, the first one, and of turns,
+    which are not mirrored.
 
     The rows are (N, width), and a tick has the length tau [s].
     """
@@ -77,15 +72,17 @@ def row_inputs(rows: Rows, tau: float) -> tuple[Rows, Rows]:
     ]
     # A mirrored trajectory changes the sign of these columns: the lateral innovation and the
     # curvature, and of the track the two of the lateral displacement.
+    side = np.where(read["curvature"][:, 1:] < 0.0, np.float32(-1.0), np.float32(1.0))
     out = turn_views(
         np.stack(of_hypotheses, -1),
         logs,
+        side,
         (4, 7),
         len(of_track),
     )
     out[..., -len(of_track) :] = np.stack(of_track, -1)[:, None]
     for column in (2, 4):
-        out[..., column - len(of_track)] *= sides(layout.hypotheses)[1:]
+        out[..., column - len(of_track)] *= side
     return np.clip(out, -5.0, 5.0), logs
 
 
@@ -157,6 +154,7 @@ class SegmentDecider(NetworkDecider):
 
     network: ClassVar[Any]
     """Creates the network with a number of hidden units."""
+    any_modes = False
     symbol = "alpha"
     thresholds = 0.6, 0.4, 0.25, 0.15, 0.1, 0.08, 0.05, 0.03, 0.02, 0.01, 3e-3, 3e-4, 1e-5
     default = 0.02
@@ -168,7 +166,7 @@ class SegmentDecider(NetworkDecider):
 
     def errors(self, posterior: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[Any]]:
         """Return the error probability of a declaration (N,), and its hypothesis (N,)."""
-        groups = kinds(self.world)
+        groups = self.world.groups
         sums = (posterior[:, :, None] * (groups[:, None] == groups)).sum(1)
         right = groups == groups[sums.argmax(-1)][:, None]
         best = np.where(right, posterior, -np.inf).argmax(-1)

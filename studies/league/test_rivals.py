@@ -9,6 +9,7 @@ from scipy.special import log_softmax, softmax
 
 from agents import find_decider, load_recipe
 from agents.training.runs import make_run
+from hybrid_env import ArgumentError
 from studies.league.distilled import taught
 from studies.league.families import find_recipe
 from studies.league.jump_markov import JumpMarkovNet
@@ -78,6 +79,18 @@ def test_a_decision_after_every_row_is_that_of_whole_segments_and_mirrored(name,
         mirrored[:, layout.slices[odd]] *= -1.0
     plain, other = (agent.posterior(each, None, None)[0] for each in (rows, mirrored))
     np.testing.assert_allclose(plain, other[:, mirror], atol=1e-5)
+
+
+@torch.no_grad()
+def test_the_agent_of_rewards_learns_any_modes_and_its_rivals_refuse_them():
+    modes = {"modes": "stop, straight, left 5, accelerate 1"}
+    run, agent, rows, segments = random_run("reward", modes)
+    posterior, _ = agent.posterior(rows, None, None)
+    assert posterior.shape == (len(rows), 4)
+    inputs = map(torch.from_numpy, run.inputs(rows, segments.lengths))
+    assert torch.isfinite(run.loss([*inputs], type(segments)(*map(torch.from_numpy, segments))))
+    with pytest.raises(ArgumentError, match=r"^modes='stop, straight, left 5, accelerate 1'"):
+        random_run("tandem", modes)
 
 
 def test_a_teacher_teaches_its_posterior_on_the_rows_of_the_student():

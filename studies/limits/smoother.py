@@ -39,6 +39,7 @@ def carry_past(
     now: BranchTable,
     past: FloatArray,
     hazards: FloatArray,
+    law_places: IntArray,
     order: FloatArray,
 ) -> FloatArray:
     """Return the probabilities of the modes at the last ticks from those at the tick before."""
@@ -52,7 +53,8 @@ def carry_past(
     carried[:, :, 1:] = np.take_along_axis(past[:, :, :-1], continued, axis=1)
     # Of every branch before as the parent of one that begins with a mode, (N, B, M).
     ages = np.minimum(before.ages, hazards.shape[1]) - 1
-    hazard = hazards[2 * before.rows + (before.modes > 0), ages]
+    rows = before.rows * (len(hazards) // 2) + law_places[before.modes]
+    hazard = hazards[rows, ages]
     with np.errstate(divide="ignore"):
         weights = before.log_weights[..., None] + np.log(hazard[..., None] * order[before.modes])
     shares = np.exp(weights - np.nan_to_num(weights.max(1, keepdims=True), neginf=0.0))
@@ -118,6 +120,7 @@ class BeamSmoother(Decider):
             now,
             past,
             model.hazards,
+            model.law_places,
             model.order,
         )
         self._weights, self._past = np.exp(weights), past

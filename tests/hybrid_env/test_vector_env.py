@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from hostile_input import refused
+from own_modes import every_mode
 from own_noise import Rounded
 
 from hybrid_env import (
@@ -37,6 +38,8 @@ MADE = [
         NEXT,
         {"ticks": 40, "durations": "drawn", "transitions": "drawn", "start": "random"},
     ),
+    ("HybridTrack-v0", NEXT, BRIEF | {"modes": every_mode(), "missed": 0.3, "bank_info": True}),
+    ("HybridTrackQuickest-v0", SAME, SHORT | {"modes": every_mode(), "sensors": SENSORS}),
 ]
 VIEWS = {
     "announced": (

@@ -1,10 +1,10 @@
 """The bank of modes of the user with announced switches: one small Kalman filter for every mode,
 with all covariances between the states.
 
-A turn of a radius has the filter of the anchor-aware bank. A linear mode x' = F x + B + w has the
-states [x, vx, y, vy, ax, ay] in the first six places of such a filter. Its accelerations at the
-switch are 0, or for a mode with an acceleration along the heading that of the anchor's heading,
-whose uncertainty they inherit. With an exact anchor they have no variance.
+Straight motion and turns of a radius have the filter of the anchor-aware bank. A linear mode x' =
+F x + B + w has the states [x, vx, y, vy, ax, ay] in the first six places of such a filter. Its
+accelerations at the switch are 0, or for a mode with an acceleration along the heading that of the
+anchor's heading, whose uncertainty they inherit. With an exact anchor they have no variance.
 """
 
 import math
@@ -85,6 +85,33 @@ def _of_seven(p: Vector) -> Triangle6:
 
 
 @internal
+def begin_motion(
+    kalman: Any,
+    lane: int,
+    anchor: State,
+    covariance: Triangle4,
+    motion: Any,
+    model: Any,
+) -> None:
+    """Start the filter of a mode; see `anchor_aware.begin_hypothesis`."""
+    exact = model.exact_anchor > 0.0
+    if not motion.linear:
+        radius = motion.signed_radius
+        anchor_aware.begin_hypothesis(kalman, lane, anchor, covariance, radius, model.tau, exact)
+        return
+    speed, heading_x, heading_y = heading_vector(anchor[1], anchor[3])
+    # Bounded as in `anchor_aware.begin_hypothesis`.
+    least = max(speed, math.sqrt(covariance[4] + covariance[9]), 1e-12)
+    kalman.log_likelihood[lane] = 0.0
+    acceleration = motion.acceleration
+    along = acceleration * heading_x, acceleration * heading_y
+    anchor_aware.set_state(kalman, lane, anchor + along + (0.0,))
+    slope = 0.0 if exact else acceleration / least
+    spread = acceleration_covariance(covariance, heading_x, heading_y, slope)
+    anchor_aware.set_covariance(kalman, lane, in_seven(spread))
+
+
+@internal
 def begin(
     bank: DenseBank,
     lane: int,
@@ -94,25 +121,8 @@ def begin(
     model: Any,
 ) -> None:
     """Start every filter of a lane from the anchor; arguments as in `published.begin`."""
-    exact = model.exact_anchor > 0.0
-    speed, heading_x, heading_y = heading_vector(anchor[1], anchor[3])
-    # Bounded as in `anchor_aware.begin_hypothesis`.
-    least = max(speed, math.sqrt(covariance[4] + covariance[9]), 1e-12)
     for h in range(bank.hypotheses.size):
-        kalman, motion = bank.hypotheses[h], bank.motions[h]
-        if motion.signed_radius != 0.0:
-            radius = motion.signed_radius
-            anchor_aware.begin_hypothesis(
-                kalman, lane, anchor, covariance, radius, model.tau, exact
-            )
-            continue
-        kalman.log_likelihood[lane] = 0.0
-        acceleration = motion.acceleration
-        along = acceleration * heading_x, acceleration * heading_y
-        anchor_aware.set_state(kalman, lane, anchor + along + (0.0,))
-        slope = 0.0 if exact else acceleration / least
-        spread = acceleration_covariance(covariance, heading_x, heading_y, slope)
-        anchor_aware.set_covariance(kalman, lane, in_seven(spread))
+        begin_motion(bank.hypotheses[h], lane, anchor, covariance, bank.motions[h], model)
 
 
 @formula
@@ -124,30 +134,50 @@ def predict_linear(kalman: Any, lane: int, motion: Any) -> tuple[Vector, Vector]
 
 
 @internal
-def _predict(bank: DenseBank, h: int, lane: int, model: Any) -> tuple[Vector, Vector]:
+def _predict(kalman: Any, lane: int, motion: Any, model: Any) -> tuple[Vector, Vector]:
     """Return the predicted state of one filter and its covariance."""
-    if bank.motions[h].signed_radius != 0.0:
-        return anchor_aware.predict_hypothesis(bank.hypotheses[h], lane, model)
-    return predict_linear(bank.hypotheses[h], lane, bank.motions[h])
+    if motion.linear:
+        return predict_linear(kalman, lane, motion)
+    return anchor_aware.predict_hypothesis(kalman, lane, model)
 
 
 @internal
-def _step_hypothesis(
-    bank: DenseBank,
-    h: int,
+def step_motion(
+    kalman: Any,
+    innovation: Any,
     first: int,
     last: int,
+    motion: Any,
     measurement: FloatArray,
     model: Any,
 ) -> None:
-    """Advance one filter and its log-likelihood by one tick; arguments as in `published.step`."""
-    kalman, innovation, motion = bank.hypotheses[h], bank.innovations[h], bank.motions[h]
-    if motion.signed_radius != 0.0:
+    """Advance the filter of a mode by one tick; see `anchor_aware.step_hypothesis`."""
+    if not motion.linear:
         anchor_aware.step_hypothesis(kalman, innovation, first, last, measurement, model)
         return
     for lane in range(first, last):
         moved = predict_linear(kalman, lane, motion)
         anchor_aware.correct_hypothesis(kalman, innovation, lane, moved, measurement, model)
+
+
+@internal
+def sense_motion(
+    kalman: Any,
+    innovation: Any,
+    first: int,
+    last: int,
+    motion: Any,
+    block: Any,
+    sensors: Records,
+    model: Any,
+) -> None:
+    """Advance the filter of a mode by one tick of any kind; see `anchor_aware.sense_hypothesis`."""
+    if sensors.size == 0 and not math.isnan(block.measurement[0, first]):
+        step_motion(kalman, innovation, first, last, motion, block.measurement, model)
+        return
+    for lane in range(first, last):
+        moved = _predict(kalman, lane, motion, model)
+        anchor_aware.sense_predicted(kalman, innovation, lane, moved, block, sensors, model)
 
 
 @internal
@@ -160,7 +190,8 @@ def step(
 ) -> None:
     """Advance every filter of lanes first .. last - 1 by one tick; see `published.step`."""
     for h in range(bank.hypotheses.size):
-        _step_hypothesis(bank, h, first, last, measurement, model)
+        kalman, innovation, motion = bank.hypotheses[h], bank.innovations[h], bank.motions[h]
+        step_motion(kalman, innovation, first, last, motion, measurement, model)
 
 
 @internal
@@ -175,7 +206,8 @@ def follow(
     kalman = bank.hypotheses[hypothesis]
     before = kalman.log_likelihood[lane]
     first, last = np.uint64(lane), np.uint64(lane + 1)
-    _step_hypothesis(bank, hypothesis, first, last, measurement, model)
+    innovation, motion = bank.innovations[hypothesis], bank.motions[hypothesis]
+    step_motion(kalman, innovation, first, last, motion, measurement, model)
     kalman.log_likelihood[lane] = before
 
 
@@ -193,8 +225,8 @@ def sense(
     the sensors measure; see `anchor_aware.sense`.
     """
     for h in range(first, last):
-        moved = _predict(bank, h, lane, model)
         kalman, innovation = bank.hypotheses[h], bank.innovations[h]
+        moved = _predict(kalman, lane, bank.motions[h], model)
         anchor_aware.sense_predicted(kalman, innovation, lane, moved, block, sensors, model)
 
 
@@ -208,7 +240,8 @@ def predicted_position(
     """Return the predicted position x, y of one hypothesis before a tick [m], and its covariance
     xx, xy, yy [m^2].
     """
-    state, p = _predict(bank, hypothesis, lane, model)
+    motion = bank.motions[hypothesis]
+    state, p = _predict(bank.hypotheses[hypothesis], lane, motion, model)
     return state[0], state[2], p[0], p[2], p[13]
 
 

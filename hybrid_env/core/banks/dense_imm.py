@@ -85,6 +85,17 @@ def begin_imm(bank: DenseImmBank, block: Any, lane: int, known: int) -> None:
             kalman.log_probability[lane] = 0.0 if h == known else NEGLIGIBLE
 
 
+@formula
+def _brought(kalman: Any, lane: int, stays: bool) -> tuple[Vector, Vector]:
+    """Return state and covariance that a filter brings to a mode; at a switch to another mode
+    without accelerations.
+    """
+    if stays:
+        return state7(kalman, lane), covariance7(kalman, lane)
+    estimate = kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane]
+    return (*estimate, 0.0, 0.0, 0.0), _without_accelerations(covariance_of(kalman, lane))
+
+
 @internal
 def _mix(bank: DenseImmBank, h: int, first: int, last: int) -> None:
     """Write the prior probability of mode h in the tick and the mixed initial condition of its
@@ -109,9 +120,10 @@ def _mix(bank: DenseImmBank, h: int, first: int, last: int) -> None:
         for lane in range(first, last):
             before = max(kalman.log_probability[lane], NEGLIGIBLE)
             weight = bank.transitions[g, h] * exp(before - mixed.log_probability[lane])
+            state, p = _brought(kalman, lane, g == h)
             # Differences to the filter of the mode itself lose no digits far from the origin.
-            difference = combination((1.0, -1.0), (state7(kalman, lane), state7(own, lane)))
-            square = minus_square(covariance7(kalman, lane), difference, -1.0)
+            difference = combination((1.0, -1.0), (state, state7(own, lane)))
+            square = minus_square(p, difference, -1.0)
             sums = combination((1.0, weight), (covariance7(mixed, lane), square))
             set_state(mixed, lane, combination((1.0, weight), (state7(mixed, lane), difference)))
             set_covariance(mixed, lane, sums)
@@ -207,6 +219,19 @@ def step_imm(
 
 
 @internal
+def sense_imm(
+    bank: DenseImmBank,
+    block: Any,
+    lane: int,
+    radii: FloatArray,
+    sensors: Records,
+    model: Any,
+) -> None:
+    """Advance a lane by one tick; see `imm.sense_imm`. radii: not used."""
+    _advance(bank, block, np.uint64(lane), np.uint64(lane + 1), sensors, model)
+
+
+@internal
 def step_imm_irregular(
     bank: DenseImmBank,
     block: Any,
@@ -221,8 +246,7 @@ def step_imm_irregular(
     """
     for lane in range(first, last):
         if math.isnan(block.measurement[0, lane]) or setting.radar:
-            model = filter_model(setting, 1.0, True)
-            _advance(bank, block, np.uint64(lane), np.uint64(lane + 1), sensors, model)
+            sense_imm(bank, block, lane, radii, sensors, filter_model(setting, 1.0, True))
         else:
             model = filter_model(setting, block.noise[0, lane], True)
             _advance(bank, block, np.uint64(lane), np.uint64(lane + 1), None, model)

@@ -321,6 +321,23 @@ def correct_imm(bank: ImmBank, block: Any, lane: int, sensors: Records, model: A
 
 
 @internal
+def sense_imm(
+    bank: ImmBank,
+    block: Any,
+    lane: int,
+    radii: FloatArray,
+    sensors: Records,
+    model: Any,
+) -> None:
+    """Advance every filter of a lane by one tick without a measurement, or by all that the sensors
+    measure.
+    """
+    predict_imm(bank, block, lane, radii, model)
+    if not math.isnan(block.measurement[0, lane]):
+        correct_imm(bank, block, lane, sensors, model)
+
+
+@internal
 def step_imm_irregular(
     bank: ImmBank,
     block: Any,
@@ -334,12 +351,8 @@ def step_imm_irregular(
     lane.
     """
     for lane in range(first, last):
-        missing = math.isnan(block.measurement[0, lane])
-        model = filter_model(setting, 1.0, True)
-        if missing or setting.radar:
-            predict_imm(bank, block, lane, radii, model)
-            if not missing:
-                correct_imm(bank, block, lane, sensors, model)
+        if math.isnan(block.measurement[0, lane]) or setting.radar:
+            sense_imm(bank, block, lane, radii, sensors, filter_model(setting, 1.0, True))
         else:
             of_tick = filter_model(setting, block.noise[0, lane], True)
             step_imm(bank, block, np.uint64(lane), np.uint64(lane + 1), radii, of_tick)

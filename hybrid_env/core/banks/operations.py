@@ -18,6 +18,8 @@ With unknown switches:
 
     begin_imm(bank, block, lane, known)                  start all filters from the merged estimate
     step_imm(bank, block, first, last, radii, model)     advance all filters of several lanes
+    sense_imm(bank, block, lane, radii, sensors, model)  advance them without a measurement, or by
+                                                         those of sensors
     step_imm_irregular(bank, block, first, last, radii, sensors, setting)
                                                          the same with any measurements, or none
 
@@ -70,7 +72,7 @@ of_block, motions_of, begin, step, follow, sense, covariance, predicted_position
         "predicted_position",
     ),
 )
-begin_imm, step_imm, step_imm_irregular = map(
+begin_imm, step_imm, sense_imm, step_imm_irregular = map(
     _operation,
-    ("begin_imm", "step_imm", "step_imm_irregular"),
+    ("begin_imm", "step_imm", "sense_imm", "step_imm_irregular"),
 )

@@ -57,7 +57,9 @@ def test_a_decider_declares_the_mode_whose_evidence_reaches_the_threshold(name):
 def test_a_policy_declares_when_its_log_odds_exceed_the_threshold():
     width = Layout(7).width
     torch.manual_seed(0)
-    decider = PolicyDecider(Actor(torch.nn.Linear(width, 8), width, 8), 0.001)
+    decider = PolicyDecider(
+        Actor(torch.nn.Linear(width, 8), width, 8), make_env().options.types, 0.001
+    )
     for _, chosen, values in ticks_of(make_env(), decider):
         np.testing.assert_array_equal(
             chosen > 0,

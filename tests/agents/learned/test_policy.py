@@ -28,7 +28,7 @@ def random_policy(kind):
 
 
 def random_decider(kind, *threshold):
-    return kind(read_actor(random_policy(kind).state_dict()), *threshold)
+    return kind(read_actor(random_policy(kind).state_dict()), np.arange(3), *threshold)
 
 
 def statement_rows(stated):

@@ -323,28 +323,3 @@ def test_very_short_recordings_have_results(rows, options):
     assert ((tracked.modes >= 0) & (tracked.modes < tracked.probabilities.shape[1])).all()
     assert np.isfinite(tracked.estimates[-1]).all()
     assert "cannot be checked" in tracked.warnings[0]
-
-
-@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
-@pytest.mark.parametrize("noise", [0.1, 0.3])
-def test_parts_in_which_the_object_stands_still_are_left_out(scale, noise):
-    """The modes of the other parts are right; nothing is left out of a recording without stops."""
-    for stop in (0, 60):
-        moves = np.concatenate([np.ones(100), np.zeros(stop), np.ones(100), np.zeros(stop)])
-        way = np.cumsum(moves)
-        turns = (way > 130) & (way < 170)
-        heading = np.cumsum(0.15 * turns * moves)
-        steps = 1.2 * moves[:, None] * np.stack([np.cos(heading), np.sin(heading)], 1)
-        points = np.cumsum(steps, 0)
-        points += np.random.default_rng(2).normal(
-            0.0,
-            noise,
-            points.shape,
-        )
-        tracked = track_recording(np.arange(float(len(points))), scale * points)
-
-        assert abs(tracked.standing - 2 * stop) <= 16
-        assert len(tracked.grid.pieces) == 1 + (stop > 0)
-        known = tracked.modes >= 0
-        assert known.sum() == len(points) - tracked.standing
-        assert (tracked.modes == turns)[known].mean() > 0.9

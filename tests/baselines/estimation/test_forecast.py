@@ -10,11 +10,12 @@ from recorded_tracks import OBJECTS
 from baselines.estimation.forecast import forecast
 from baselines.estimation.turn_tracks import TurnTracks
 from hybrid_env import ArgumentError, QuickestOptions, WorldOptions, simulate
+from hybrid_env.modes import Stop, Straight, modes_of_radii
 
 ESTIMATE = np.array([1.0, 2.0, -1.0, 0.5])
 COVARIANCE = np.diag([0.05, 0.01, 0.04, 0.02]) + 0.005
 MODEL = SimpleNamespace(
-    radii=(4.0, 9.0),
+    all_modes=modes_of_radii((4.0, 9.0)),
     tau=0.1,
     process_variance=0.002,
 )
@@ -84,6 +85,15 @@ def test_a_forecast_has_the_moments_of_the_true_motion_in_all_modes(probabilitie
         assert (np.abs(places.mean(0) - means[k]) < 5 * error + 0.04 * deviations).all()
         allowed = (5 * np.sqrt(2 / samples) + 0.04) * np.outer(deviations, deviations)
         assert (np.abs(np.cov(places.T) - covariances[k]) < allowed).all()
+
+
+def test_an_object_that_stands_is_expected_where_it_is():
+    model = SimpleNamespace(all_modes=(Straight(), Stop()), tau=0.1, process_variance=0.0)
+
+    means, covariances = forecast(ESTIMATE, COVARIANCE, [0.0, 1.0], model, AHEAD)
+
+    np.testing.assert_allclose(means, [np.array(ESTIMATE)[::2]] * 3)
+    np.testing.assert_allclose(covariances, [np.array(COVARIANCE)[::2, ::2]] * 3)
 
 
 def inside(mean, covariance, place):

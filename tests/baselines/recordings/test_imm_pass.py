@@ -12,7 +12,7 @@ from baselines.recordings.imm_pass import TrackModel, grid_chunks, run_pass
 from baselines.recordings.model_fit import fit_model
 from baselines.recordings.recording import make_recording
 from baselines.recordings.ticks import Piece, TickGrid, tick_grid
-from hybrid_env.core.banks.bank import FilterModel
+from hybrid_env.modes import Straight
 from hybrid_env.simulation import simulate
 
 
@@ -42,7 +42,8 @@ def matrix_likelihood(z, R, Q):
     return after[-1] - after[2]
 
 
-def test_straight_motion_has_the_likelihood_of_a_matrix_filter():
+@pytest.mark.parametrize("modes", [(), (Straight(),)])
+def test_straight_motion_has_the_likelihood_of_a_matrix_filter(modes):
     rng = np.random.default_rng(0)
     parts = [
         np.cumsum(
@@ -79,17 +80,8 @@ def test_straight_motion_has_the_likelihood_of_a_matrix_filter():
         (),
         256,
     )
-    model = FilterModel(
-        1.0,
-        0.01,
-        0.5,
-        0.5,
-    )
-    total = run_pass(
-        chunks,
-        [],
-        model,
-    ).log_likelihood
+    model = TrackModel((), 0.5, 0.01, math.inf, 1.0, 1.0, modes=modes)
+    total = run_pass(chunks, model).log_likelihood
     expected = sum(
         matrix_likelihood(
             part,

@@ -4,26 +4,38 @@ import copy
 
 import numpy as np
 import pytest
+from linear_filters import MatrixLinearFilter
 from matrix_filters import MatrixExtendedKalmanFilter
 
 from baselines.rules.beam import BeamDecider
 from baselines.rules.beam_prior import hazards
 from hybrid_env import QuickestOptions
 from hybrid_env.durations import duration_probabilities, parse_durations, remaining_probabilities
+from hybrid_env.modes import Stop
 
 TRIANGLE = np.triu_indices(4)
 
 
-@pytest.mark.parametrize("text", ["uniform 4-7", "3 + geometric 2"])
-def test_without_pruning_the_beam_is_the_filter_of_all_modes_and_ages(text):
+@pytest.mark.parametrize(
+    ("text", "modes"),
+    [
+        ("uniform 4-7", None),
+        ("3 + geometric 2", None),
+        ("uniform 4-7", "straight, stop"),
+        ("uniform 4-7", "straight, left 1.5, right 1.5, stop"),
+    ],
+)
+def test_without_pruning_the_beam_is_the_filter_of_all_modes_and_ages(text, modes):
     options = QuickestOptions(
         durations=text,
         measurement_variance=(0.01, 0.02),
         process_variance=0.01,
         ticks=40,
         radii=(1.5,),
+        modes=modes,
         start="random",
     )
+    M = options.hypotheses
     law, R = options.law, options.measurement_variance
     first, later = (
         probabilities(law, 50)
@@ -45,15 +57,10 @@ def test_without_pruning_the_beam_is_the_filter_of_all_modes_and_ages(text):
     )
 
     def begin(mode, state, covariance):
-        radius = (0.0, 1.5, -1.5)[mode]
-        return MatrixExtendedKalmanFilter(
-            state,
-            covariance,
-            radius,
-            0.1,
-            0.01,
-            R,
-        )
+        motion = options.all_modes[mode]
+        if isinstance(motion, Stop):
+            return MatrixLinearFilter(state, covariance, motion, 0.1, 0.01, R)
+        return MatrixExtendedKalmanFilter(state, covariance, motion.signed_radius, 0.1, 0.01, R)
 
     # Mode, law of the duration, age, filter, weight.
     branches = [
@@ -66,12 +73,12 @@ def test_without_pruning_the_beam_is_the_filter_of_all_modes_and_ages(text):
                 anchor,
                 P,
             ),
-            1 / 3,
+            1 / M,
         )
-        for mode in range(3)
+        for mode in range(M)
     ]
     decider = BeamDecider(options, branches=200)
-    start = [*anchor, *P[TRIANGLE], *np.log([1 / 3] * 3)]
+    start = [*anchor, *P[TRIANGLE], *np.log([1 / M] * M)]
     rows = np.hstack([z, np.tile(start, (13, 1))])
     _, state = decider.predict(rows[:1])
     for row in rows[1:]:
@@ -85,10 +92,10 @@ def test_without_pruning_the_beam_is_the_filter_of_all_modes_and_ages(text):
             )
             if end < 1 - 1e-9
         ]
-        for new in range(3):
+        for new in range(M):
             shares = np.array(
                 [
-                    weight * end / 2 * (mode != new)
+                    weight * end / (M - 1) * (mode != new)
                     for (mode, *_, weight), end in zip(
                         branches,
                         ends,
@@ -126,7 +133,7 @@ def test_without_pruning_the_beam_is_the_filter_of_all_modes_and_ages(text):
             kalman.step(row[:2])
             weight *= np.exp(kalman.log_likelihood - before)
             branches.append((mode, p, age, kalman, weight))
-        weights = np.zeros(3)
+        weights = np.zeros(M)
         for mode, *_, weight in branches:
             weights[mode] += weight
         _, state = decider.predict(row[None], state)

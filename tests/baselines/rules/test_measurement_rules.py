@@ -4,10 +4,12 @@ import math
 
 import numpy as np
 import pytest
+from linear_filters import MatrixLinearFilter
 from matrix_filters import MatrixExtendedKalmanFilter, MatrixKalmanFilter
 
 from baselines.rules.restarted import RestartDecider
 from hybrid_env import HybridTrackQuickestVectorEnv, QuickestOptions, Radar, Sensor
+from hybrid_env.modes import Accelerate, Stop
 
 TRIANGLE = np.triu_indices(4)
 SHORT = {
@@ -18,6 +20,7 @@ SHORT = {
 }
 
 
+MODES = SHORT | {"modes": "straight, stop, left 2, accelerate 2", "radii": ()}
 SENSED = SHORT | {
     "measurement_variance": 0.001,
     "missed": 0.2,
@@ -50,15 +53,11 @@ def run(decider, **options):
 
 def matrix_filter(bank, mode, state, P, options):
     kind = MatrixKalmanFilter if bank == "published" else MatrixExtendedKalmanFilter
-    radii = (0.0, *options.radii, *np.negative(options.radii))
-    return kind(
-        state,
-        P,
-        radii[mode],
-        options.tau,
-        options.process_variance,
-        np.broadcast_to(options.variances, 2),
-    )
+    motion = options.all_modes[mode]
+    rest = options.tau, options.process_variance, np.broadcast_to(options.variances, 2)
+    if isinstance(motion, (Stop, Accelerate)):
+        return MatrixLinearFilter(state, P, motion, *rest)
+    return kind(state, P, motion.signed_radius, *rest)
 
 
 def step(kalman, row, options):
@@ -143,8 +142,9 @@ def literal(seen, options, mean, threshold, margin, window, bank):
     [
         (SHORT, "published", 6, 1.5, True),
         (SENSED, "anchor_aware", 100, 0.5, False),
+        (MODES, "published", 20, 0.5, False),
     ],
-    ids=["one sensor", "sensors"],
+    ids=["one sensor", "sensors", "modes"],
 )
 def test_statements_and_ratios_equal_those_of_a_literal_loop(given, bank, window, margin, mean):
     options = QuickestOptions(**given)

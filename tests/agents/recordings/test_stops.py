@@ -1,0 +1,227 @@
+"""Objects that stand for a while, and recordings with modes of the user."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from agents.cli import main
+from agents.recordings.tracking import track_recording
+from baselines import OnlineTracker
+from baselines.recordings.track_modes import in_units
+from hybrid_env.checks import ArgumentError
+from hybrid_env.modes import Accelerate, LinearMode, Turn, TurnRate
+
+# Speed, tick, deviation of the noise, smallest share of right rows, and parts: mode, ticks, and
+# radius of a turn, or change of the heading before the part [rad].
+OBJECTS = {
+    "walker": (
+        1.4,
+        1.0,
+        0.5,
+        0.9,
+        [("S", 100, 0.0), ("stop", 90, 0.0), ("S", 80, 2.0), ("L", 40, 10.0), ("stop", 60, 0.0)],
+    ),
+    "robot": (
+        0.5,
+        0.1,
+        0.02,
+        0.95,
+        [("S", 200, 0.0), ("stop", 600, 0.0), ("L", 100, 1.0), ("S", 200, 0.0)],
+    ),
+    "ship": (
+        5.0,
+        10.0,
+        10.0,
+        0.95,
+        [("S", 120, 0.0), ("stop", 300, 0.0), ("S", 100, 1.0), ("R", 60, 800.0), ("S", 90, 0.0)],
+    ),
+    "at first": (
+        1.2,
+        1.0,
+        0.3,
+        0.9,
+        [("stop", 80, 0.0), ("S", 100, 0.0), ("L", 40, 8.0), ("S", 80, 0.0)],
+    ),
+}
+
+
+def travel(parts, speed, acceleration=np.inf):
+    """Return exact positions (T, 2) of ticks of length 1, and the modes (T,), "" while the object
+    brakes in a straight line, with the speed and the acceleration of a tick.
+    """
+    position, heading, now = np.zeros(2), 0.4, speed
+    positions, modes = [], []
+    for mode, ticks, value in parts:
+        heading += value if mode == "S" else 0.0
+        left = ticks
+        while left:
+            aim = 0.0 if mode == "stop" else speed
+            now += np.clip(aim - now, -acceleration, acceleration)
+            brakes = mode == "stop" and now > 0.0
+            bend = {"L": 1.0, "R": -1.0}.get(mode, 0.0) * now / value if value else 0.0
+            heading += 0.5 * bend
+            position = position + now * np.array([np.cos(heading), np.sin(heading)])
+            heading += 0.5 * bend
+            positions.append(position)
+            modes.append("" if brakes else mode)
+            left -= not brakes
+    return np.array(positions), np.array(modes)
+
+
+def recorded(name, seed=1):
+    """Return times, measured positions and modes of an object."""
+    speed, tau, deviation, _, parts = OBJECTS[name]
+    positions, modes = travel(parts, speed * tau)
+    noise = np.random.default_rng(seed).normal(0.0, deviation, positions.shape)
+    return tau * np.arange(len(modes)), positions + noise, modes
+
+
+@pytest.mark.parametrize("name", OBJECTS)
+def test_stops_are_found(name):
+    """Rows are right; the object has no speed where it stands, after the decision."""
+    times, positions, modes = recorded(name)
+
+    tracked = track_recording(times, positions)
+
+    letters, radii = tracked.of_modes(tracked.modes)
+    assert tracked.mode_names() == ["S", "L", "R", "stop"]
+    assert np.mean(letters == modes) > OBJECTS[name][3]
+    assert np.mean((letters == "stop")[modes == "stop"]) > 0.95
+    stands = (letters == "stop") & tracked.decided
+    assert (tracked.turns[stands, :2] == 0.0).all()
+    assert np.isnan(radii[stands]).all()
+    assert tracked.standing == 0
+    assert "modes" in tracked.model.estimated
+
+
+def test_a_car_brakes_at_lights_and_drives_on():
+    parts = [("S", 100, 0.0), ("stop", 40, 0.0), ("S", 100, 0.0), ("L", 16, 100.0)]
+    parts += [("S", 90, 0.0), ("stop", 60, 0.0), ("S", 90, 0.0), ("R", 16, 100.0), ("S", 90, 0.0)]
+    positions, modes = travel(parts, 14.0, 2.0)
+    positions += np.random.default_rng(3).normal(0.0, 2.0, positions.shape)
+
+    tracked = track_recording(None, positions)
+
+    letters, _ = tracked.of_modes(tracked.modes)
+    assert np.mean((letters == modes)[modes != ""]) > 0.9
+    assert np.mean((letters == "stop")[modes == "stop"]) > 0.95
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1e3])
+def test_stops_do_not_depend_on_the_units(scale):
+    times, positions, _ = recorded("walker")
+
+    modes = [track_recording(of * times, scale * positions).modes for of in (1.0, 60.0)]
+
+    assert (modes[0] == track_recording(times, positions).modes).all()
+    assert (modes[0] == modes[1]).all()
+
+
+def test_without_stops_there_is_no_such_mode():
+    positions, modes = travel([("S", 100, 0.0), ("L", 40, 8.0), ("S", 100, 0.0)], 1.2)
+    positions += np.random.default_rng(2).normal(0.0, 0.3, positions.shape)
+
+    tracked = track_recording(None, positions)
+
+    assert tracked.mode_names() == ["S", "L", "R"]
+    assert not tracked.model.modes
+    assert np.mean(tracked.of_modes(tracked.modes)[0] == modes) > 0.9
+
+
+def test_a_decider_of_turns_leaves_the_stops_out():
+    """It states no mode there, and goes on after each stop."""
+    times, positions, _ = recorded("robot")
+
+    tracked = track_recording(times, positions, decider="shipped")
+
+    assert tracked.mode_names() == ["S", "L", "R"]
+    assert abs(tracked.standing - 600) <= 20
+    assert len(tracked.grid.pieces) == 2
+    known = tracked.modes >= 0
+    assert known.sum() == len(times) - tracked.standing
+
+
+def test_a_live_tracker_states_the_stops_of_the_file(tmp_path, capsys):
+    """The command writes the mode to all files; the tracker of track.json states it live."""
+    times, positions, _ = recorded("walker")
+    file = tmp_path / "walk.csv"
+    pd.DataFrame({"time": times, "x": positions[:, 0], "y": positions[:, 1]}).to_csv(
+        file, index=False
+    )
+
+    assert main(["track", str(file)]) == 0
+
+    printed = capsys.readouterr().out
+    assert "modes S, L, R, stop" in " ".join(printed.split())
+    rows = pd.read_csv(tmp_path / "walk_track" / "estimates.csv")
+    settings = json.loads((tmp_path / "walk_track" / "track.json").read_text())
+    assert settings["modes"][-1] == "stop"
+    tracker = OnlineTracker.from_recording(tmp_path / "walk_track" / "track.json")
+    live = [tracker.update(point, time) for point, time in zip(positions, times, strict=True)]
+    stated = np.array([tracker.mode_names[now.mode] for now in live])
+    decided = np.array([now.decided for now in live])
+    assert (stated == rows["mode"])[decided].all()
+    np.testing.assert_allclose(
+        [now.estimate for now in live][-1], rows.filter(regex="^estimate").iloc[-1]
+    )
+    # The object stands: it is expected where it is.
+    means, _ = tracker.forecast([30.0], stated=True)
+    assert np.hypot(*(means[0] - positions[-20:].mean(0))) < 0.5
+
+
+def test_modes_may_be_given(tmp_path, capsys):
+    """Those of a text are not searched; they have the units of the recording."""
+    times, positions, modes = recorded("robot")
+    file = tmp_path / "robot.csv"
+    pd.DataFrame({"time": times, "x": positions[:, 0], "y": positions[:, 1]}).to_csv(
+        file, index=False
+    )
+
+    assert main(["track", str(file), "--modes", "straight, left 1, stop", "--no-png"]) == 0
+
+    assert "modes S, L, stop" in " ".join(capsys.readouterr().out.split())
+    rows = pd.read_csv(tmp_path / "robot_track" / "estimates.csv")
+    assert np.mean(rows["mode"] == modes) > 0.95
+    with pytest.raises(ArgumentError, match="modes"):
+        track_recording(times, positions, modes="straight, jump")
+
+
+def test_a_recording_of_an_oscillator_is_tracked_by_linear_modes():
+    """Two frequencies, of which no line and no arc is part."""
+    rng = np.random.default_rng(0)
+
+    def swing(angle, name):
+        axis = [[np.cos(angle), np.sin(angle) / angle], [-np.sin(angle) * angle, np.cos(angle)]]
+        return LinearMode(np.kron(np.eye(2), axis), None, None, name)
+
+    modes = swing(0.3, "fast"), swing(0.1, "slow")
+    state = np.array([0.0, 2.0, 1.0, 0.0])
+    truth = np.repeat([0, 1, 0, 1], 100)
+    positions = []
+    for mode in truth:
+        state = modes[mode].F @ state
+        positions.append(state[::2])
+    measured = 1e3 * (np.array(positions) + rng.normal(0.0, 0.1, (len(truth), 2)))
+
+    tracked = track_recording(None, measured, modes=modes)
+
+    assert tracked.mode_names() == ["fast", "slow"]
+    assert np.mean(tracked.modes == truth) > 0.9
+
+
+@pytest.mark.parametrize("mode", [Turn(-3.0), TurnRate(0.2), Accelerate(0.7)])
+def test_a_mode_moves_alike_in_other_units(mode):
+    """An hour and a kilometre for a second and a metre."""
+    length, velocity = 1e-3, 3.6
+    there = in_units(mode, length, velocity, 2.0, 1.0)
+    state = np.array([3.0, 1.0, -2.0, 0.5])
+    if mode.signed_radius:
+        assert there.radius == pytest.approx(length * mode.radius)
+    elif mode.starting_acceleration:
+        assert there.acceleration == pytest.approx(velocity * 3600.0 * mode.acceleration)
+    else:
+        units = np.array([length, velocity] * 2)
+        moved = there.matrices(2.0 / 3600.0)[0] @ (units * state)
+        np.testing.assert_allclose(moved, units * (mode.matrices(2.0)[0] @ state))

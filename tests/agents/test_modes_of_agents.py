@@ -1,0 +1,84 @@
+"""Agents of modes other than straight motion and turns: training, run folders and commands."""
+
+import json
+import warnings
+
+import numpy as np
+import pytest
+from small_training import KINDS
+
+from agents.commands.compare import Compare
+from agents.evaluation.registry import find_decider
+from agents.evaluation.task import task_of
+from agents.training.recipe import load_recipe
+from agents.training.runs import make_run
+from baselines.rules.rollout import evaluate
+from hybrid_env import ArgumentError, WorldOptions
+from hybrid_env.modes import LinearMode, Straight
+
+MODES = "straight, stop, left 5, accelerate 1"
+ENVS = {True: "hybrid_env:HybridTrackQuickest-v0", False: "hybrid_env:HybridTrack-v0"}
+REFUSED = f"^modes='{MODES}' is not allowed: expected straight motion, left and right turns"
+
+
+def small(kind, folder, **options):
+    """A new run of a small agent."""
+    recipe, env, given, changes = KINDS[kind]
+    if kind in ("recurrent-ppo", "qrdqn"):
+        pytest.importorskip("sb3_contrib")
+    env = ENVS["Quickest" in env]
+    given = {name: value for name, value in given.items() if name != "options"}
+    return make_run(env, given | options, load_recipe(recipe, env, changes), 0, folder, 640)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_an_algorithm_trains_on_any_modes_or_refuses_them_in_one_line(kind, tmp_path):
+    if kind in ("anchor", "stopping", "statements", "rhythm"):
+        with pytest.raises(ArgumentError, match=REFUSED):
+            small(kind, tmp_path / "run", modes=MODES)
+        return
+    run = small(kind, tmp_path / "run", modes=MODES)
+    run.train()
+    card = json.loads((tmp_path / "run" / "policy.json").read_text())
+    assert card["options"]["modes"] == MODES
+    decider = find_decider(str(tmp_path / "run"), run.world)
+    assert decider.hypotheses == 4
+
+    changes = {"modes": "straight, stop, left 5, accelerate -1"}
+    other = task_of(run.env_id, run.options | changes)
+    with pytest.raises(ArgumentError, match="of the types straight, stop, left, accelerate"):
+        find_decider(str(tmp_path / "run"), other.options)
+
+
+def test_a_policy_declares_the_types_of_the_modes(tmp_path):
+    modes = "stop, left 5, left 2, straight"
+    run = small("ppo", tmp_path / "run", modes=modes, actions="types")
+    run.train()
+    options = WorldOptions(modes=modes)
+    decider = find_decider(str(tmp_path / "run"), options)
+    assert decider.actor.actions == 4
+    decisions = evaluate(decider.at(-30.0), episodes=3, modes=modes, scheme="random 2x20-30")
+    assert set(np.unique(decisions.decided_mode)) <= set(range(4))
+
+
+def test_modes_as_objects_are_saved_as_texts_and_a_matrix_is_warned_of(tmp_path):
+    straight = Straight()
+    drift = LinearMode(np.eye(4), name="drift")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert straight.as_json() == "straight"
+    with pytest.warns(UserWarning, match="^mode 'drift' has no text"):
+        small("ppo", tmp_path / "run", modes=(straight, drift)).train()
+
+
+@pytest.mark.parametrize("name", ["shipped", "propagated", "msprt-kept"])
+def test_deciders_of_turns_refuse_modes_by_name(name):
+    with pytest.raises(ArgumentError, match=REFUSED):
+        find_decider(name, WorldOptions(modes=MODES))
+
+
+def test_the_usual_deciders_apply_to_the_modes():
+    for env, given in ((ENVS[False], {}), (ENVS[True], {"ticks": 60})):
+        command = Compare(env=env, modes=MODES, **given).plan()
+        assert "shipped" not in command.deciders
+        assert len(command.titles) > 3

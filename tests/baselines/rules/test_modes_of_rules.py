@@ -1,0 +1,103 @@
+"""Rules on modes other than straight motion and turns: all that read rows decide among them, and
+those with filters for turns refuse them.
+"""
+
+import numpy as np
+import pytest
+from scipy.special import softmax
+
+from baselines import BeamDecider, MSPRTDecider, record_statements
+from baselines.rules.decider import ANNOUNCED, UNKNOWN, rules
+from baselines.rules.rollout import evaluate
+from baselines.scoring.statements import measure_statements
+from hybrid_env import ArgumentError, HybridTrackVectorEnv, QuickestOptions, WorldOptions
+from hybrid_env.modes import LinearMode, Stop, Straight
+
+ENV = "hybrid_env:HybridTrackBank-v0"
+# Four and five modes, in an order of their own.
+FOUR = "stop, straight, left 5, accelerate 2"
+FIVE = "left 5, left 2, stop, accelerate 2, straight"
+NAMES = [(task, name) for task in (ANNOUNCED, UNKNOWN) for name in rules(task)]
+
+
+@pytest.mark.parametrize(("task", "name"), NAMES)
+def test_a_rule_decides_among_any_modes_or_refuses_them_in_one_line(task, name):
+    rule = rules(task)[name]
+    given = {"modes": FOUR, "measurement_variance": 0.01}
+    if task == ANNOUNCED:
+        given |= {"scheme": "random 3x60-60", **rule.attribute("options")}
+        options = WorldOptions(**given)
+        decider = rule.create(options)
+
+        def right():
+            return evaluate(decider, "hybrid_env:HybridTrack-v0", 40, **given).correct.mean()
+    else:
+        given |= {"ticks": 200, "durations": "uniform 50-70"}
+        decider = rule.create(QuickestOptions(**given))
+
+        def right():
+            return measure_statements(record_statements(decider, 8, 0, **given)).right.mean()
+
+    if rule.kind.any_modes:
+        # By chance a fourth would be right.
+        assert right() > 0.5
+    else:
+        assert name.startswith(("propagated", "msprt-kept"))
+        with pytest.raises(ArgumentError, match=f"^modes='{FOUR}' is not allowed: [^\n]*turns"):
+            right()
+
+
+def test_the_posterior_of_types_is_that_of_the_modes_of_each_type():
+    env = HybridTrackVectorEnv(64, tick_info=True, modes=FIVE, correctness="type")
+    rows, info = env.reset(seed=3)
+    kind = np.array([0, 0, 1, 2, 3])
+    np.testing.assert_array_equal(env.options.types, kind)
+    # Options are keywords of other environments.
+    assert WorldOptions(**vars(env.options)) == env.options
+    decider = MSPRTDecider(0.05, by="type").for_modes(env.options)
+    declared = 0
+    for _ in range(100):
+        posterior = softmax(info["log_likelihood"], axis=-1)
+        types = np.stack([posterior[:, kind == k].sum(-1) for k in range(4)], axis=-1)
+        of_type = np.where(kind == types.argmax(-1)[:, None], posterior, -1.0)
+        decides = 1.0 - types.max(-1) <= 0.05
+        actions, _ = decider.predict(rows)
+        np.testing.assert_array_equal(actions, np.where(decides, of_type.argmax(-1) + 1, 0))
+        np.testing.assert_allclose(decider.evidence(rows), types[:, kind], atol=1e-6)
+        declared += np.count_nonzero(actions)
+        rows, _, _, _, info = env.step(np.zeros(64, np.int64))
+
+    assert declared > 100
+
+
+def test_a_rule_that_is_made_by_hand_gets_the_types_of_the_environment():
+    given = {"modes": FIVE, "correctness": "type", "scheme": "random 3x60-60"}
+    decider = MSPRTDecider(0.02, by="type")
+    first, second = (
+        evaluate(each, "hybrid_env:HybridTrack-v0", 20, **given)
+        for each in (decider, decider.for_modes(WorldOptions(**given)))
+    )
+
+    np.testing.assert_array_equal(first.decided_mode, second.decided_mode)
+
+
+def test_a_beam_of_general_filters_is_that_of_the_filters_of_turns():
+    given = {"ticks": 120, "measurement_variance": 0.01, "missed": 0.1}
+    decider = BeamDecider(QuickestOptions(**given))
+    general = BeamDecider(QuickestOptions(**given))
+    general.model.motions["linear"][0] = True
+    stated = [record_statements(each, 4, 2, **given).stated_modes for each in (decider, general)]
+
+    np.testing.assert_array_equal(*stated)
+
+
+def test_a_mode_of_matrices_is_stated():
+    # An oscillation about the origin in place of a turn.
+    c, s = np.cos(0.1), np.sin(0.1)
+    spring = LinearMode(np.kron(np.eye(2), [[c, s], [-s, c]]), name="spring")
+    modes = (Straight(), Stop(), spring)
+    options = {"modes": modes, "ticks": 300, "measurement_variance": 0.01}
+    recorded = record_statements(BeamDecider(QuickestOptions(**options)), 4, 0, **options)
+    right = recorded.true_modes == recorded.stated_modes
+
+    assert right[recorded.true_modes == 2].mean() > 0.8

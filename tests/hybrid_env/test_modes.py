@@ -1,0 +1,552 @@
+"""Modes of the user: the banks equal filters in matrix form, filters are consistent at every scale,
+and schemes, types, texts and refusals.
+"""
+
+import copy
+import pickle
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from declared import refuse_beyond
+from hostile_input import refused
+from matrix_filters import FREEDOM, step_filters
+from own_modes import SCALES, Halt, ImmOfModes, described, every_mode, filters_of_modes
+from own_noise import run_page
+from scipy import special, stats
+
+from hybrid_env import (
+    ArgumentError,
+    HybridTrackEnv,
+    HybridTrackQuickestVectorEnv,
+    HybridTrackVectorEnv,
+    QuickestOptions,
+    Radar,
+    Sensor,
+    WorldOptions,
+    parse_scheme,
+)
+from hybrid_env.core.memory import LANES
+from hybrid_env.modes import Accelerate, LinearMode, Stop, Straight, Turn, TurnRate, parse_modes
+from hybrid_env.rendering.evidence import type_colours
+
+ENVS = {"announced": "HybridTrack-v0", "unknown": "HybridTrackQuickest-v0"}
+SENSORS = (Sensor(variance=2.0, period=2), Sensor(variance=0.5, position=(9.0, 5.0), range=30.0))
+UNEQUAL = {"measurement_variance": (0.5, 2.0)}
+ANNOUNCED = {
+    "published": {"reset_covariance": True} | UNEQUAL,
+    "published, robust": {"likelihood": f"student_t {FREEDOM}", "missed": 0.3, "noise": "levy 1.4"},
+    "aware, missed": {"bank": "anchor_aware", "missed": 0.3} | UNEQUAL,
+    "aware, sensors": {"bank": "anchor_aware", "sensors": SENSORS, "missed": 0.2},
+    "aware, range rates": {
+        "bank": "anchor_aware",
+        "sensors": (
+            Radar(
+                range_deviation=1.0,
+                bearing_deviation=0.01,
+                rate_deviation=0.3,
+                position=(0.0, -60.0),
+            ),
+        ),
+    },
+}
+
+
+def agree(computed, expected, name):
+    """Check that arrays (..., k) agree within 1e-9 of 1, or of the largest of each k numbers if it
+    is larger.
+    """
+    computed, expected = np.array(computed), np.array(expected)
+    np.testing.assert_array_equal(np.isnan(computed), np.isnan(expected))
+    difference, expected = np.nan_to_num(computed - expected), np.nan_to_num(expected)
+    largest = np.abs(expected).max(-1, keepdims=True).clip(min=1.0)
+    assert (np.abs(difference) <= 1e-9 * largest).all(), name
+
+
+@pytest.mark.parametrize("options", ANNOUNCED.values(), ids=ANNOUNCED)
+def test_the_bank_equals_matrix_filters_for_every_kind_of_mode(options):
+    # The second segment begins with the covariance of a filter that has followed the object.
+    matrices = described("car")
+    env = HybridTrackVectorEnv(
+        LANES,
+        tick_info=True,
+        bank_info=True,
+        modes=tuple(matrices),
+        scheme="12 drag, 40 singer",
+        **SCALES["car"] | options,
+    )
+    env.reset(seed=4)
+    _, *_, info = env.step(np.full(LANES, len(matrices) - 1))
+    freedom = FREEDOM * ("likelihood" in options)
+    banks = [filters_of_modes(env, i, matrices, freedom) for i in range(LANES)]
+    values = {
+        "innovations": lambda kalman: kalman.innovation,
+        "innovation_covariances": lambda kalman: kalman.Sigma.ravel(),
+        "estimates": lambda kalman: kalman.x[:4],
+        "covariances": lambda kalman: kalman.P[:4, :4].ravel(),
+    }
+    for _ in range(25):
+        for i, filters in enumerate(banks):
+            step_filters(filters, env, i, info["measurement"][i])
+        expected = [[kalman.log_likelihood for kalman in filters] for filters in banks]
+        agree(info["log_likelihood"], expected, "log_likelihood")
+        for name, value in values.items():
+            computed = info[name].reshape(LANES, len(matrices), -1)
+            agree(computed, [[value(kalman) for kalman in filters] for filters in banks], name)
+        *_, info = env.step(np.zeros(LANES, np.int64))
+    assert (info["tick"] == 26).all()
+
+
+UNKNOWN = {
+    "unequal": UNEQUAL,
+    "sensors, missed": {"sensors": SENSORS, "missed": 0.3},
+    "robust": {"likelihood": f"student_t {FREEDOM}", "missed": 0.2, "noise": "outliers 0.2"},
+}
+
+
+@pytest.mark.parametrize("options", UNKNOWN.values(), ids=UNKNOWN)
+def test_the_imm_bank_equals_the_literal_one_for_any_transition_matrix(options):
+    matrices = described("car")
+    M = len(matrices)
+    following = np.random.default_rng(7).dirichlet(np.full(M, 0.4), M)
+    np.fill_diagonal(following, 0.0)
+    # A stop is followed by straight motion only.
+    following[3] = np.eye(M)[0]
+    following /= following.sum(1, keepdims=True)
+    env = HybridTrackQuickestVectorEnv(
+        LANES,
+        tick_info=True,
+        modes=tuple(matrices),
+        ticks=40,
+        durations="uniform 9-11",
+        transitions=following,
+        start="random",
+        heading=0.3,
+        initial_error=0,
+        **SCALES["car"] | options,
+    )
+    transition = 0.9 * np.eye(M) + 0.1 * following
+    start = 15.0 * np.array([0.0, np.cos(0.3), 0.0, np.sin(0.3)])
+    model = transition, env.options.tau, env.options.process_variance
+    freedom = FREEDOM * ("likelihood" in options)
+    literal = [ImmOfModes(start, np.zeros((4, 4)), matrices, *model, freedom) for _ in range(LANES)]
+    _, info = env.reset(seed=5)
+    for _ in range(40):
+        for i, filters in enumerate(literal):
+            step_filters([filters], env, i, info["measurement"][i])
+        bank = env.world.bank.hypotheses[0]
+        names = ("x", "vx", "y", "vy", "centre_x", "centre_y")
+        states = np.stack([bank[name].T for name in names], -1)
+        agree(states, [filters.states for filters in literal], "states")
+        agree(bank["log_likelihood"].T, [each.log_likelihood for each in literal], "likelihood")
+        probability = [filters.probability for filters in literal]
+        agree(np.exp(info["log_probability"]), probability, "probability")
+        agree(info["estimate"], [filters.estimate for filters in literal], "estimate")
+        *_, info = env.step(np.zeros(LANES, np.int64))
+
+
+FAST = {
+    "published": (HybridTrackVectorEnv, {}),
+    "aware": (HybridTrackVectorEnv, {"bank": "anchor_aware", "missed": 0.2}),
+    # Else the published bank neglects that the merged axes are correlated.
+    "merged": (HybridTrackVectorEnv, {"follow": "bank", "reset_covariance": True} | UNEQUAL),
+    "aware, radar": (
+        HybridTrackVectorEnv,
+        {"bank": "anchor_aware", "sensors": ("radar 5 0.01 rate 0.3", "0.4 period 5")},
+    ),
+    "unknown": (HybridTrackQuickestVectorEnv, UNEQUAL),
+    "unknown, robust": (
+        HybridTrackQuickestVectorEnv,
+        {"likelihood": "student_t 4", "missed": 0.2, "start": "random"},
+    ),
+    "unknown, radar": (
+        HybridTrackQuickestVectorEnv,
+        {"sensors": ("radar 5 0.01 rate 0.3", "0.4 period 5")},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", FAST)
+def test_dense_filters_of_straight_motion_and_turns_equal_the_fast_bank(name, monkeypatch):
+    make, options = FAST[name]
+    fast = make(LANES, **options)
+    with monkeypatch.context() as patch:
+        # Else these modes have the fast bank.
+        patch.setattr("hybrid_env.model_options.modes_of_radii", lambda radii: ())
+        dense = make(LANES, modes="straight, left 5, right 5", **options)
+    assert "motions" in type(dense.world.bank)._fields
+    assert "motions" not in type(fast.world.bank)._fields
+    rows, expected = (env.reset(seed=3)[0] for env in (dense, fast))
+    generator = np.random.default_rng(0)
+    for _ in range(300):
+        np.testing.assert_allclose(rows, expected, rtol=1e-6, atol=1e-6)
+        for field in ("estimate", "covariance"):
+            agree(dense.world.field(field), fast.world.field(field), field)
+        agree(dense.world.hypothesis_values(), fast.world.hypothesis_values(), "likelihood")
+        actions = generator.integers(0, fast.single_action_space.n, LANES)
+        actions *= generator.random(LANES) < 0.05
+        (rows, rewards, *_), (expected, others, *_) = dense.step(actions), fast.step(actions)
+        np.testing.assert_array_equal(rewards, others)
+
+
+def errors_of_true_modes(tracks, scale, **options):
+    """Return the normalized innovation squared and the normalized estimation error squared of the
+    filter of the true mode at the 20th tick of every segment, by modes. Ticks of one segment are
+    correlated; its true mode is declared, so that the next anchor is that of its filter. The object
+    never loses its velocity, of which turns and accelerations have their heading.
+    """
+    modes = tuple(mode for mode in every_mode(scale) if not isinstance(mode, Halt))
+    chosen = SCALES[scale] | options
+    env = HybridTrackVectorEnv(
+        tracks,
+        modes=modes,
+        tick_info=True,
+        bank_info=True,
+        bank="anchor_aware",
+        scheme="random 3x40",
+        initial_error=(0.3, (0.02 * chosen["speed"]) ** 2),
+        **chosen,
+    )
+    squares = {mode: [] for mode in modes}
+    _, info = env.reset(seed=1)
+    every = np.arange(tracks)
+    for tick in range(3 * 20):
+        true = info["true_mode"]
+        if tick % 20 == 19:
+            assert (info["tick"] == 20).all()
+            errors = {
+                "innovations": info["innovations"][every, true],
+                "estimates": info["estimates"][every, true] - info["truth"],
+            }
+            spreads = info["innovation_covariances"], info["covariances"]
+            both = [
+                np.einsum("ni,ni->n", e, np.linalg.solve(P[every, true], e[..., None])[..., 0])
+                for e, P in zip(errors.values(), spreads, strict=True)
+            ]
+            for index, mode in enumerate(modes):
+                squares[mode].append(np.array(both)[:, true == index])
+        *_, info = env.step(np.where(tick % 20 == 19, true + 1, 0))
+    return {mode: np.hstack(parts) for mode, parts in squares.items()}
+
+
+def inside(squares, freedom):
+    """Return True if the sum of chi-square variables is inside its two-sided bounds of 5 sigma."""
+    share = stats.chi2.cdf(squares.sum(), freedom * squares.size)
+    return stats.norm.sf(5.0) < share < stats.norm.cdf(5.0)
+
+
+@pytest.mark.parametrize("scale", SCALES)
+@pytest.mark.parametrize(
+    "tracks",
+    [
+        pytest.param(4_000, id="quick"),
+        pytest.param(50_000, id="study", marks=pytest.mark.study),
+    ],
+)
+def test_the_filter_of_the_true_mode_is_consistent_at_every_scale(scale, tracks):
+    for mode, (innovations, errors) in errors_of_true_modes(tracks, scale).items():
+        assert innovations.size > 0.25 * tracks
+        assert inside(innovations, 2), (mode, innovations.mean() / 2)
+        assert inside(errors, 4), (mode, errors.mean() / 4)
+
+
+def test_the_same_bounds_are_exceeded_by_an_object_with_more_noise():
+    # A mode with noise of its own has it in object and filter.
+    larger = 4.0 * SCALES["car"]["process_variance"]
+    for mode, (_, errors) in errors_of_true_modes(4_000, "car", object_variance=larger).items():
+        assert inside(errors, 4) == (mode.name in ("drag", "singer")), mode
+
+
+def test_stops_that_lose_the_velocity_are_consistent_too():
+    env = HybridTrackVectorEnv(
+        2_000,
+        modes=(Straight(), Halt(), Stop()),
+        tick_info=True,
+        bank_info=True,
+        bank="anchor_aware",
+        scheme="30 halt",
+    )
+    env.reset(seed=3)
+    for _ in range(20):
+        *_, info = env.step(np.zeros(2_000, np.int64))
+    error = info["estimates"][:, 1] - info["truth"]
+    P = info["covariances"][:, 1]
+    assert inside(np.einsum("ni,ni->n", error, np.linalg.solve(P, error[..., None])[..., 0]), 4)
+
+
+TEXT = "straight, left 5, right 4, stop, accelerate 0.5, accelerate -0.2, turn rate 0.6"
+MODES = (
+    Straight(),
+    Turn(5.0),
+    Turn(-4.0),
+    Stop(),
+    Accelerate(0.5),
+    Accelerate(-0.2),
+    TurnRate(0.6),
+)
+
+
+def test_a_text_stands_for_modes_which_have_a_text_again():
+    assert parse_modes(TEXT) == MODES
+    assert ", ".join(map(str, parse_modes(TEXT))) == TEXT
+    for options in (WorldOptions, QuickestOptions):
+        assert options(modes=TEXT) == options(modes=MODES) == options(modes=TEXT.split(", "))
+        # Straight motion and turns, in the order of radii, are the short form.
+        assert options(modes="straight, left 3, left 5, right 3, right 5") == options(radii=(3, 5))
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [(Turn, "radius"), (TurnRate, "rate"), (Accelerate, "acceleration")],
+)
+def test_numbers_of_modes_beyond_the_declared_ones_are_refused(kind, name):
+    assert refuse_beyond(kind, **{name: 1.0}) > 5
+
+
+REFUSED = {
+    "modes": (
+        ({"modes": "straight"}, "expected 2 to 1,000 different modes"),
+        ({"modes": "straight, left"}, "'left 5'"),
+        ({"modes": "straight, straight"}, "different"),
+        ({"modes": "straight, sideways 3"}, "'turn rate 0.2'"),
+        ({"modes": (Straight(), 5)}, "different modes"),
+        ({"modes": 5}, "different modes"),
+        ({"modes": (Stop(), LinearMode(np.eye(4), name="stop"))}, "different modes"),
+        ({"modes": (Stop(), LinearMode(1.1 * np.eye(4), name="up"))}, "at most 1e9 times"),
+    ),
+    "scheme": (
+        ({"modes": "straight, stop", "scheme": "50 straight, 9 left 5"}, "straight"),
+        ({"modes": "straight, stop", "scheme": "L50r5"}, "straight, stop"),
+        ({"scheme": "50 stop"}, "straight, left, right"),
+        ({"scheme": "50 turn rate 1"}, "straight, left, right"),
+    ),
+    "radii": (({"modes": "straight, left 0.001", "tau": 1.0}, "at least 0.02"),),
+    "refine_radius": (({"modes": "straight, stop", "refine_radius": True}, "False"),),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_options_that_are_not_allowed_are_refused_in_one_line(name):
+    for given, reason in REFUSED[name]:
+        with pytest.raises(ArgumentError) as caught:
+            WorldOptions(**given)
+        message = str(caught.value)
+        assert message.startswith(f"{name}="), message
+        assert reason in message
+        assert message.isprintable()
+
+
+@pytest.mark.parametrize("row", [None, 1.0, "stop", [["stop"]], {"stop": "all"}, {"stop": 0.5}])
+def test_transitions_by_names_that_are_not_rows_are_refused(row):
+    given = {"straight": row, "stop": {"straight": 1.0}}
+    message = refused(QuickestOptions, modes="straight, stop", transitions=given)
+    assert message.startswith("transitions=")
+
+
+def test_laws_of_durations_are_given_to_every_mode():
+    durations = "straight uniform 5-9, turns uniform 3-4"
+    assert QuickestOptions(modes="right 3, straight", durations=durations).law_places.tolist() == [
+        1,
+        0,
+    ]
+    message = refused(HybridTrackQuickestVectorEnv, 1, modes="straight, stop", durations=durations)
+    assert message.startswith("durations=")
+    assert "a law of 'stop'" in message
+
+
+@pytest.mark.parametrize(
+    ("name", "given"),
+    [
+        ("F", {"F": np.eye(3)}),
+        ("F", {"F": "I"}),
+        ("F", {"F": np.full((4, 4), np.nan)}),
+        ("B", {"F": np.eye(4), "B": np.zeros(6)}),
+        ("Q", {"F": np.eye(6), "Q": np.eye(4)}),
+        ("Q", {"F": np.eye(4), "Q": -np.eye(4)}),
+        ("Q", {"F": np.eye(4), "Q": np.triu(np.ones((4, 4)))}),
+        ("name", {"F": np.eye(4), "name": ""}),
+        ("name", {"F": np.eye(4), "name": "a, b"}),
+        ("name", {"F": np.eye(4), "name": 5}),
+    ],
+)
+def test_matrices_that_are_not_allowed_are_refused_in_one_line(name, given):
+    assert refused(LinearMode, **given).startswith(f"{name}=")
+
+
+class Wrong(Halt):
+    """A mode whose matrices do not fit together."""
+
+    def matrices(self, tau):
+        """Return F of three states."""
+        return np.eye(3), np.zeros(4), None
+
+
+def test_matrices_of_a_class_are_checked_too():
+    assert refused(HybridTrackEnv, modes=(Straight(), Wrong())).startswith("F=")
+
+
+def test_a_mode_may_grow_for_some_ticks():
+    growing = LinearMode(1.03 * np.eye(4), name="up")
+    env = HybridTrackVectorEnv(9, modes=(Straight(), growing), actions="best")
+    rows, _ = env.reset(seed=1)
+    for _ in range(600):
+        assert env.observation_space.contains(rows)
+        rows, *_ = env.step(np.zeros(9, np.int64))
+
+
+def test_linear_modes_are_equal_by_their_matrices_which_nobody_changes():
+    F = np.eye(4)
+    mode = LinearMode(F, name="still")
+    F[0, 0] = 2.0
+
+    assert mode == LinearMode(np.eye(4), name="still")
+    assert hash(mode) == hash(LinearMode(np.eye(4).tolist(), name="still"))
+    assert mode != LinearMode(2 * np.eye(4), name="still")
+    np.testing.assert_array_equal(mode.matrices(0.1)[0], np.eye(4))
+
+
+def test_a_fixed_scheme_moves_and_stops_the_object():
+    env = gym.make(
+        "hybrid_env:HybridTrack-v0",
+        modes="straight, stop, accelerate 0.5",
+        scheme="50 straight, 30 stop, 40 accelerate 0.5",
+        process_variance=0.0,
+        heading=0.0,
+    )
+    scheme = env.unwrapped.options.scheme
+    assert parse_scheme(str(scheme)) == scheme
+    _, info = env.reset(seed=1)
+    truth = [info["truth"]]
+    ended = False
+    while not ended:
+        truth.append(info["truth"])
+        *_, ended, _, info = env.step(0)
+    x, vx, y, vy = np.transpose(truth[1:])
+    ticks = np.arange(1, 41)
+
+    np.testing.assert_allclose(x[:50], 0.2 * np.arange(1, 51))
+    np.testing.assert_allclose(x[50:80], 10.0)
+    # The velocity with which the object moves on.
+    np.testing.assert_allclose(vx[:80], 2.0)
+    np.testing.assert_allclose(vx[80:], 2.0 + 0.05 * ticks)
+    np.testing.assert_allclose(x[80:], 10.0 + 0.2 * ticks + 0.0025 * ticks**2)
+    np.testing.assert_allclose([y, vy], 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("follow", ["declared", "bank"])
+def test_decisions_do_not_change_the_object(follow):
+    # The noise of a mode with a covariance of its own has numbers of its own.
+    envs = [
+        HybridTrackVectorEnv(
+            LANES + 1,
+            modes=every_mode(),
+            tick_info=True,
+            follow=follow,
+            scheme="20 drag, 25 singer, 30 stop, 20 drag",
+            missed=0.2,
+            **SCALES["car"],
+        )
+        for _ in range(3)
+    ]
+    waiting, hasty, random = envs
+    generator = np.random.default_rng(2)
+    paths = []
+    for env in envs:
+        _, info = env.reset(seed=6)
+        truths = {}
+        ended = np.zeros(LANES + 1, bool)
+        while not ended.all():
+            for i in np.flatnonzero(~ended):
+                truths[i, int(info["segment"][i]), int(info["tick"][i])] = info["truth"][i].tolist()
+            count = env.single_action_space.n
+            actions = {
+                waiting: np.zeros(LANES + 1, int),
+                hasty: np.full(LANES + 1, 2),
+                random: generator.integers(0, count, LANES + 1),
+            }
+            *_, terminated, _, info = env.step(actions[env])
+            ended |= terminated
+        paths.append(truths)
+
+    assert len(paths[0]) == 95 * (LANES + 1)
+    for truths in paths[1:]:
+        assert truths.keys() < paths[0].keys()
+        assert {segment for _, segment, _ in truths} == {0, 1, 2, 3}
+        assert truths == {place: paths[0][place] for place in truths}
+
+
+def test_types_are_those_of_the_modes():
+    env = HybridTrackVectorEnv(
+        60,
+        modes=TEXT,
+        tick_info=True,
+        correctness="type",
+        actions="types",
+        evidence=0.8,
+        bank="anchor_aware",
+    )
+    options = env.options
+    assert options.type_names == ("straight", "left", "right", "stop", "accelerate", "brake")
+    assert options.types.tolist() == [0, 1, 2, 3, 4, 5, 1]
+    assert env.single_action_space.n == 7
+    _, info = env.reset(seed=2)
+    generator = np.random.default_rng(3)
+    correct = decided = 0
+    for _ in range(300):
+        log_likelihood = info["log_likelihood"]
+        posterior = special.softmax(log_likelihood, axis=1) @ np.eye(6)[options.types]
+        mask = posterior.max(1) >= 0.8
+        np.testing.assert_array_equal(info["action_mask"][:, 1:], np.tile(mask[:, None], 6))
+        actions = np.where(generator.random(60) < 0.2, generator.integers(1, 7, 60), 0)
+        expected = np.where(options.types == actions[:, None] - 1, log_likelihood, -np.inf)
+        before = info
+        *_, info = env.step(actions)
+        declared = info.get("_ticks", np.zeros(60, bool)) & ~info.get("forced", np.zeros(60, bool))
+        assert (mask & (actions > 0))[declared].all()
+        mode = info["decided_mode"] if declared.any() else np.zeros(60, int)
+        np.testing.assert_array_equal(mode[declared], expected.argmax(1)[declared])
+        right = options.types[mode] == options.types[before["true_mode"]]
+        np.testing.assert_array_equal(info["correct"][declared], right[declared])
+        decided += declared.sum()
+        correct += right[declared].sum()
+    assert 0 < correct < decided
+
+
+@pytest.mark.parametrize(("kind", "env_id"), ENVS.items())
+def test_copies_pictures_and_keys_of_an_environment(kind, env_id):
+    modes = (*MODES, *every_mode()[-2:])
+    env = gym.make(f"hybrid_env:{env_id}", modes=modes, render_mode="rgb_array").unwrapped
+    env.reset(seed=2)
+    env.step(0)
+    copies = [copy.deepcopy(env), pickle.loads(pickle.dumps(env))]
+    expected = env.step(0)
+
+    for each in copies:
+        assert each.options == env.options
+        np.testing.assert_equal(each.step(0), expected)
+    assert env.render().std() > 0
+    first = int(kind == "announced")
+    keys = {chr(key): action - first for (key,), action in env.get_keys_to_action().items()}
+    assert keys == {"w": 0, "a": 1, "d": 2, "s": 3}
+    assert set(type_colours(modes)) >= {mode.type for mode in modes}
+
+
+def test_a_mode_outside_the_types_of_the_keys_has_none():
+    env = gym.make("hybrid_env:HybridTrack-v0", modes="stop, right 5", actions="types").unwrapped
+    assert env.get_keys_to_action() == {(ord("s"),): 1, (ord("d"),): 2}
+
+
+def test_the_modes_of_the_page_move_the_object_as_it_says():
+    boat = run_page()["boat"].unwrapped
+    assert boat.options.type_names == ("straight", "stop", "drag", "current")
+    _, info = boat.reset(seed=1)
+    speeds = {}
+    before = info
+    for _ in range(119):
+        *_, info = boat.step(0)
+        step = np.hypot(*(info["truth"] - before["truth"])[[0, 2]])
+        speeds[int(info["segment"]), int(info["tick"])] = step / 0.1
+        before = info
+    # 5 % a tick, with noise of the velocities; and 0.1 m a tick.
+    assert speeds[1, 30] < 0.5 * speeds[1, 2]
+    assert speeds[2, 20] == pytest.approx(1.0)
