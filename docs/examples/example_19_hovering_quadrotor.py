@@ -1,0 +1,121 @@
+"""
+A quadrotor that hovers and cruises
+===================================
+
+A quadrotor hovers, accelerates, brakes, or cruises to the east or to the north. It must tilt before it accelerates, so that a mode has the
+acceleration in its state: a ``LinearMode`` of six states.
+"""
+
+# %%
+# In every mode the autopilot asks for the acceleration u - k v on each axis, and the tilt follows with a lag of 0.3 s. Hover and cruise
+# hold a velocity, u / k. The matrix exponential gives the exact motion in a tick.
+
+import numpy as np
+from scipy.linalg import expm
+
+from hybrid_env.modes import LinearMode
+
+tau, lag = 0.1, 0.3
+
+
+def mode(name, k, u):
+    """Return a mode of the state [x, vx, ax, y, vy, ay]; k in 1/s, u in m/s^2 to the east and to the north."""
+    axis = [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, -k / lag, -1.0 / lag]]
+    inputs = np.kron(u, [0.0, 0.0, 1.0 / lag])[:, None]
+    # The constant 1 is a seventh state.
+    rates = np.block([[np.kron(np.eye(2), axis), inputs], [np.zeros((1, 7))]])
+    tick = expm(tau * rates)
+    return LinearMode(tick[:6, :6], tick[:6, 6], name=name)
+
+
+modes = (
+    mode("hover", 1.0, (0.0, 0.0)),
+    mode("accelerate", 0.0, (2.0, 0.0)),
+    mode("brake", 0.0, (-2.0, 0.0)),
+    mode("cruise east", 1.0, (6.0, 0.0)),
+    mode("cruise north", 1.0, (0.0, 6.0)),
+)
+
+# %%
+# PPO trains on random orders of these modes, and reads the posterior of each mode and the time.
+
+from agents import train
+
+quadrotor = {"modes": modes, "tau": tau, "speed": 0.01, "process_variance": 0.01}
+random = quadrotor | {"scheme": "random 6x40-70"}
+changes = ["learning_rate=1e-3", "observe=[posterior, log_error_probability, ticks, ticks_left]"]
+policy = train("ppo", **random, steps=100_000, changes=changes)
+
+# %%
+# All deciders face the same episodes, in random orders first. ATE has the bank of its paper; SPRT is the same test on the bank that
+# PPO reads.
+
+import gymnasium as gym
+
+from agents import find_decider
+from baselines.rules.rollout import evaluate
+
+
+def compare(**world):
+    """Let the deciders face the same 1,000 episodes, and return the decisions of each."""
+    options = gym.make("hybrid_env:HybridTrack-v0", **world).unwrapped.options
+    results = {}
+    for name, named in {"PPO": policy, "ATE": "ate", "SPRT": "sprt"}.items():
+        decider = find_decider(named, options)
+        made = results[name] = evaluate(decider, episodes=1000, **world | decider.options)
+        print(
+            f"{name}: {100 * made.correct.mean():.1f} % correct after {made.ticks.mean():.1f} ticks, "
+            f"reward {made.reward.mean():.3f}"
+        )
+    return results
+
+
+compare(**random)
+
+# %%
+# PPO decides sooner than SPRT and errs more often; their rewards are nearly equal. So it is on one route, which PPO has not seen:
+
+route = (
+    "40 hover, 40 accelerate, 60 cruise east, 60 cruise north, 50 cruise east, 30 brake, 50 hover"
+)
+flight = quadrotor | {"scheme": route, "heading": 0.0}
+results = compare(**flight)
+
+# %%
+# The first of these flights. Decisions do not change what the quadrotor does, so that it can be followed with action 0, which waits.
+
+import matplotlib.pyplot as plt
+
+from hybrid_env.rendering.evidence import mode_colour
+
+env = gym.make("hybrid_env:HybridTrack-v0", **flight)
+options = env.unwrapped.options
+_, info = env.reset(seed=0)
+terminated, history = False, []
+while not terminated:
+    history.append(info)
+    _, _, terminated, _, info = env.step(0)
+true_mode, truth, measured = (
+    np.array([tick[name] for tick in history]) for name in ("true_mode", "truth", "measurement")
+)
+
+figure, (plane, bars) = plt.subplots(
+    2, 1, figsize=(9, 8), height_ratios=(2, 1), layout="constrained"
+)
+colours = np.array([mode_colour(k, options.all_modes) for k in range(options.hypotheses)])
+plane.plot(*measured.T, ".", color="0.6", markersize=3, label="measured")
+for k, mode in enumerate(options.all_modes):
+    plane.plot(*truth[true_mode == k][:, [0, 2]].T, ".", color=colours[k], label=mode.name)
+plane.set(xlabel="east, m", ylabel="north, m", aspect="equal")
+plane.legend(frameon=False)
+
+# A bar is grey while the decider waits, and then has the colour of the mode that it declares.
+for row, decided in enumerate(results.values()):
+    ends = np.cumsum(decided.length[0])
+    starts = ends - decided.length[0]
+    switches = starts + decided.ticks[0]
+    bars.barh(row, switches - starts, left=starts, color="0.85")
+    bars.barh(row, ends - switches, left=switches, color=colours[decided.decided_mode[0]])
+bars.barh(len(results), ends - starts, left=starts, color=colours[true_mode[starts]])
+bars.set(xlabel="tick", yticks=range(4), yticklabels=[*results, "true mode"], xlim=(0, ends[-1]))
+plt.show()
