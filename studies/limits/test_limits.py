@@ -118,7 +118,8 @@ def test_the_carried_probabilities_are_those_of_forward_and_backward_recursions(
             before or now,
             now,
             past,
-            np.tile(hazards, (4, 1)),
+            np.tile(hazards, (2, 1)),
+            np.zeros(modes, np.int64),
             order,
         )
         before = now
