@@ -3,6 +3,7 @@ statement changes nothing but its reward, so that every sequence of statements s
 measurements. On a live sensor the measurements come from the caller.
 """
 
+import math
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from hybrid_env.core.banks.bank import filter_model
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.habits import draw_from_law, draw_law, draw_mode, draw_order, draw_remaining
 from hybrid_env.core.kernel import TERMINATED
-from hybrid_env.core.memory import LANES, FloatArray, arrays_of
+from hybrid_env.core.memory import LANES, FloatArray, Records, arrays_of
 from hybrid_env.core.noise import integer_below, uniform
 from hybrid_env.core.observation_row import write_quickest_row
 from hybrid_env.core.true_object import begin_motion, draw_first_estimate, move
@@ -155,6 +156,29 @@ def prepare_lane(
 
 
 @internal
+def step_irregular(
+    bank: Any,
+    block: Any,
+    first: int,
+    last: int,
+    radii: FloatArray,
+    sensors: Records,
+    setting: Any,
+) -> None:
+    """Advance every filter where measurements may be missing or of different variances, lane by
+    lane.
+    """
+    for lane in range(first, last):
+        if math.isnan(block.measurement[0, lane]) or setting.radar:
+            model = filter_model(setting, 1.0, True)
+            operations.sense_imm(bank, block, lane, radii, sensors, model)
+        else:
+            of_tick = filter_model(setting, block.noise[0, lane], True)
+            stop = np.uint64(lane + 1)
+            operations.step_imm(bank, block, np.uint64(lane), stop, radii, of_tick)
+
+
+@internal
 def tick(
     b: int,
     block: Any,
@@ -170,8 +194,7 @@ def tick(
     motions = operations.motions_of(bank)
     move(block, arrays.scratch[0].noise, first, last, arrays.sensors, motions, setting, rare)
     if rare is not None and setting.irregular:
-        sensors = arrays.sensors
-        operations.step_imm_irregular(bank, block, first, last, arrays.radii, sensors, setting)
+        step_irregular(bank, block, first, last, arrays.radii, arrays.sensors, setting)
     else:
         model = filter_model(setting, 1.0, rare)
         operations.step_imm(bank, block, first, last, arrays.radii, model)
@@ -216,7 +239,6 @@ def advance_live(begins: bool, banks: Any, setting: Any) -> int:
         if begins:
             continue
         first, last = np.uint64(0), np.uint64(lanes)
-        sensors = arrays.sensors
-        operations.step_imm_irregular(bank, block, first, last, arrays.radii, sensors, setting)
+        step_irregular(bank, block, first, last, arrays.radii, arrays.sensors, setting)
         _write_rows(b, block, bank, first, last, arrays, setting)
     return 0

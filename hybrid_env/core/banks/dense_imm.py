@@ -21,7 +21,7 @@ from hybrid_env.core.banks.anchor_aware import (
     set_state,
 )
 from hybrid_env.core.banks.anchor_aware import state_of as state7
-from hybrid_env.core.banks.bank import estimate_of, filter_model
+from hybrid_env.core.banks.bank import estimate_of
 from hybrid_env.core.banks.dense import in_seven, predict_linear
 from hybrid_env.core.banks.mixture import NEGLIGIBLE, NOTHING, normalize
 from hybrid_env.core.compilation import formula, internal
@@ -229,24 +229,3 @@ def sense_imm(
 ) -> None:
     """Advance a lane by one tick; see `imm.sense_imm`. radii: not used."""
     _advance(bank, block, np.uint64(lane), np.uint64(lane + 1), sensors, model)
-
-
-@internal
-def step_imm_irregular(
-    bank: DenseImmBank,
-    block: Any,
-    first: int,
-    last: int,
-    radii: FloatArray,
-    sensors: Records,
-    setting: Any,
-) -> None:
-    """Advance every filter where measurements may be missing or of different variances, lane by
-    lane.
-    """
-    for lane in range(first, last):
-        if math.isnan(block.measurement[0, lane]) or setting.radar:
-            sense_imm(bank, block, lane, radii, sensors, filter_model(setting, 1.0, True))
-        else:
-            model = filter_model(setting, block.noise[0, lane], True)
-            _advance(bank, block, np.uint64(lane), np.uint64(lane + 1), None, model)

@@ -27,7 +27,7 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_env.core.banks.bank import filter_model, set_estimate, signed_radius
+from hybrid_env.core.banks.bank import set_estimate, signed_radius
 from hybrid_env.core.banks.kalman import weigh
 from hybrid_env.core.banks.mixture import NEGLIGIBLE, merge, normalize
 from hybrid_env.core.banks.sensing import DIVERGED, LARGEST, correct_by_sensors
@@ -335,24 +335,3 @@ def sense_imm(
     predict_imm(bank, block, lane, radii, model)
     if not math.isnan(block.measurement[0, lane]):
         correct_imm(bank, block, lane, sensors, model)
-
-
-@internal
-def step_imm_irregular(
-    bank: ImmBank,
-    block: Any,
-    first: int,
-    last: int,
-    radii: FloatArray,
-    sensors: Records,
-    setting: Any,
-) -> None:
-    """Advance every filter where measurements may be missing or of different variances, lane by
-    lane.
-    """
-    for lane in range(first, last):
-        if math.isnan(block.measurement[0, lane]) or setting.radar:
-            sense_imm(bank, block, lane, radii, sensors, filter_model(setting, 1.0, True))
-        else:
-            of_tick = filter_model(setting, block.noise[0, lane], True)
-            step_imm(bank, block, np.uint64(lane), np.uint64(lane + 1), radii, of_tick)

@@ -20,8 +20,6 @@ With unknown switches:
     step_imm(bank, block, first, last, radii, model)     advance all filters of several lanes
     sense_imm(bank, block, lane, radii, sensors, model)  advance them without a measurement, or by
                                                          those of sensors
-    step_imm_irregular(bank, block, first, last, radii, sensors, setting)
-                                                         the same with any measurements, or none
 
 Calls with the same types share one compiled function: the kernel gives unsigned indices and a
 `FilterModel`. numba has no public name for the class of a named tuple in compiled code:
@@ -72,7 +70,7 @@ of_block, motions_of, begin, step, follow, sense, covariance, predicted_position
         "predicted_position",
     ),
 )
-begin_imm, step_imm, sense_imm, step_imm_irregular = map(
+begin_imm, step_imm, sense_imm = map(
     _operation,
-    ("begin_imm", "step_imm", "sense_imm", "step_imm_irregular"),
+    ("begin_imm", "step_imm", "sense_imm"),
 )
