@@ -91,12 +91,13 @@ def comparison(task, *every, agents=0):
                 index,
                 "agent" if is_agent else name,
                 selected,
+                learned=is_agent,
             )
         )
     plan = SimpleNamespace(
         task=task,
-        agents=("agent",),
-        titles={entry.decider: entry.name for entry in entries} | {"agent": "ppo"},
+        looked_up={entry.decider: (entry.name, False) for entry in entries}
+        | {"agent": ("ppo", True)},
         episodes=every[0].episodes,
         selection_episodes=6,
         settings={},

@@ -10,6 +10,7 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 import torch
+from annotated_types import MinLen
 from numpy.typing import NDArray
 from torch import nn
 
@@ -21,13 +22,11 @@ from agents.training.expected_reward import (
     ExpectedRewardSettings,
     StatementBatch,
 )
-from agents.training.inexact import draw_options, inexact_travel
 from agents.training.settings import Factors
-from baselines.recordings.given_tracks import GivenTracks
 from baselines.recordings.log_uniform import log_uniform
 from baselines.rules import seeds
 from baselines.rules.rollout import statement_env
-from hybrid_env.checks import Count, NotNegative, reject
+from hybrid_env.checks import Count, reject
 from hybrid_env.durations import DRAWN, parse_durations
 from hybrid_env.limits import Ticks
 from hybrid_env.quickest_options import QuickestOptions
@@ -45,7 +44,7 @@ class StatementSettings(ExpectedRewardSettings):
     """
 
     # Laws of segments, one environment of every round for each, also repeated.
-    durations: tuple[Annotated[str, law_text], ...]
+    durations: Annotated[tuple[Annotated[str, law_text], ...], MinLen(1)]
     # Tracks of each environment.
     n_envs: Count
     # Tracks of an update.
@@ -58,13 +57,6 @@ class StatementSettings(ExpectedRewardSettings):
     ticks: Ticks | None = None
     # Whether the agent has a beam that learns the habits of an object within the episode.
     habits: bool = False
-    # Further environments of every round, in which objects move otherwise than told.
-    inexact: NotNegative = 0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not self.durations and not self.inexact:
-            raise reject("durations", self.durations, "at least one law, or inexact environments")
 
 
 class Statements(ExpectedRewardAlgorithm):
@@ -81,28 +73,31 @@ class Statements(ExpectedRewardAlgorithm):
     @classmethod
     def network_of(cls, entry: Mapping[str, Any]) -> nn.Module:
         """See `NetworkAlgorithm.network_of`."""
-        if not issubclass(cls.decider, StatementDecider):
-            return super().network_of(entry)
-        return cls.decider.network(entry["hidden"], entry.get("habits") is True)
+        network: nn.Module = cls.decider.network(
+            entry["hidden"], **({"habits": True} if entry.get("habits") else {})
+        )
+        return network
 
-    def simulate(
-        self,
-        world: QuickestOptions,
-        tracks: int,
-        seed: int,
-        inexact: bool,
-    ) -> tuple[NDArray[Any], ...]:
+    @property
+    def worlds_count(self) -> int:
+        """Number of environments of a round."""
+        return len(self.settings.durations)
+
+    @property
+    def ticks(self) -> int:
+        """Length of the tracks."""
+        return self.settings.ticks or self.world.ticks
+
+    def make_env(self, world: QuickestOptions, tracks: int) -> Any:
+        """Return an environment of a round."""
+        return statement_env(world, tracks)
+
+    def simulate(self, world: QuickestOptions, tracks: int, seed: int) -> tuple[NDArray[Any], ...]:
         """Return inputs (T, N, M - 1, k), log-probabilities (T, N, M) and true modes (T, N) of one
         episode of each track.
-
-        inexact: objects move otherwise than told, with rows of the likeliest noise.
         """
         decider = StatementDecider(self.net, world)
-        env: Any = (
-            GivenTracks(inexact_travel, world, tracks, likeliest=True)
-            if inexact
-            else statement_env(world, tracks)
-        )
+        env = self.make_env(world, tracks)
         rows, _ = env.reset(seed=seed)
         state = decider.initial_state(tracks)
         parts = []
@@ -126,15 +121,8 @@ class Statements(ExpectedRewardAlgorithm):
             allowed = "an environment in which a mode is stated at every tick"
             raise reject("env", self.env_id, allowed)
         self.world: QuickestOptions = task.options
-        world = self.world
-        if self.settings.inexact:
-            for name in ("noise", "missed", "sensors", "object_variance", "start"):
-                if getattr(world, name) != getattr(QuickestOptions(), name):
-                    raise reject(name, getattr(world, name), "the default with the setting inexact")
-        self._laws = *self.settings.durations, *([None] * self.settings.inexact)
-        self._round_tracks = len(self._laws) * self.settings.n_envs
-        self._ticks = world.ticks if self.settings.ticks is None else self.settings.ticks
-        self.round_steps = self._round_tracks * self._ticks
+        self._round_tracks = self.worlds_count * self.settings.n_envs
+        self.round_steps = self._round_tracks * self.ticks
 
     def batches(self) -> Iterator[StatementBatch]:
         """Simulate the tracks of a round, and divide them at random."""
@@ -142,8 +130,8 @@ class Statements(ExpectedRewardAlgorithm):
         generator = np.random.default_rng(first)
         count = self.settings.n_envs
         parts = [
-            self.simulate(self._draw_world(generator, law), count, first + k * count, law is None)
-            for k, law in enumerate(self._laws)
+            self.simulate(self.draw_world(generator, k), count, first + k * count)
+            for k in range(self.worlds_count)
         ]
         arrays = [
             torch.from_numpy(np.concatenate(part, axis=1)) for part in zip(*parts, strict=True)
@@ -156,9 +144,9 @@ class Statements(ExpectedRewardAlgorithm):
             costs = torch.full(modes.shape, self.world.change_cost)
             yield StatementBatch(inputs, logs, modes, costs, torch.ones(modes.shape))
 
-    def _draw_world(self, generator: np.random.Generator, law: str | None) -> QuickestOptions:
-        if law is None:
-            return draw_options(generator, replace(self.world, ticks=self._ticks))
+    def draw_world(self, generator: np.random.Generator, number: int) -> QuickestOptions:
+        """Return the options of an environment of a round, by its number in the round."""
+        law = self.settings.durations[number]
         variance, radius = (
             log_uniform(generator, *factors)
             for factors in (self.settings.variances, self.settings.radii)
@@ -175,7 +163,7 @@ class Statements(ExpectedRewardAlgorithm):
         return replace(
             self.world,
             **habits,
-            ticks=self._ticks,
+            ticks=self.ticks,
             measurement_variance=variances if len(variances) == 2 else variances[0],
             radii=tuple(radius * np.array(self.world.radii)),
         )

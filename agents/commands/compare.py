@@ -21,7 +21,7 @@ from agents.evaluation.registry import (
     distinct_titles,
     find_decider,
     given_threshold,
-    kind_of,
+    is_learned,
     shipped_names,
 )
 from agents.evaluation.report import Result
@@ -103,11 +103,10 @@ class Compare(WorldArguments, TrustArguments, Workers):
 
     def run(self) -> None:
         """Train, score, print the tables and write the figures and compare.json."""
-        self.check_names()
         console = Console(emoji=False)
         with progress_display(console) as progress:
             plan = self.plan()
-            folder = output_folder("out", self.out)
+            folder = output_folder(self.out)
             try:
                 result = plan.compare(folder, progress)
             except KeyboardInterrupt:
@@ -156,6 +155,7 @@ class Compare(WorldArguments, TrustArguments, Workers):
             # Deciders may also be functions.
             if name in {*self.settings, "jobs", "engine"} - {"deciders"}:
                 checked(name, getattr(self, name), hint)
+        self.check_names()
         task = self.task
         usual: dict[str, Any] = {
             name: getattr(task, name)
@@ -174,9 +174,8 @@ class Compare(WorldArguments, TrustArguments, Workers):
         # Before any file is written.
         task.check_episodes("episodes", plan.episodes)
         task.check_episodes("selection-episodes", plan.selection_episodes)
-        plan.check_names()
         # Looks every name up.
-        assert plan.titles
+        assert plan.looked_up
         return cast("Compare", plan)
 
     def check_names(self) -> None:
@@ -195,25 +194,17 @@ class Compare(WorldArguments, TrustArguments, Workers):
         return find_decider(name, self.task.options)
 
     @cached_property
-    def looked_up(self) -> dict[Any, tuple[str, str]]:
-        """Title of each decider by name, and its kind: "trained" of a recipe, "agent" or "rule"."""
-        every = [self.find(name) for name in self.deciders]
-        titles = [each.title if isinstance(each, Decider) else each.name for each in every]
-        kinds = [kind_of(each) if isinstance(each, Decider) else "trained" for each in every]
-        described = zip(distinct_titles(self.deciders, titles), kinds, strict=True)
-        return dict(zip(self.deciders, described, strict=True))
-
-    @property
-    def titles(self) -> dict[Any, str]:
-        """Titles of all deciders by name, see `distinct_titles`; those of agents are without
-        training seeds.
+    def looked_up(self) -> dict[Any, tuple[str, bool]]:
+        """Title of each decider by name, see `distinct_titles`, those of agents without training
+        seeds; and whether it is still to be trained.
         """
-        return {name: title for name, (title, _) in self.looked_up.items()}
-
-    @property
-    def agents(self) -> tuple[Any, ...]:
-        """Names of the learned deciders."""
-        return tuple(name for name, (_, kind) in self.looked_up.items() if kind != "rule")
+        every = [self.find(name) for name in self.deciders]
+        trained = [not isinstance(each, Decider) for each in every]
+        titles = [
+            each.name if train else each.title for each, train in zip(every, trained, strict=True)
+        ]
+        described = zip(distinct_titles(self.deciders, titles), trained, strict=True)
+        return dict(zip(self.deciders, described, strict=True))
 
     def compare(self, folder: Path | None, progress: Progress) -> "Comparison":
         """Train and score the deciders of a plan.
@@ -223,7 +214,7 @@ class Compare(WorldArguments, TrustArguments, Workers):
         """
         from agents.commands.comparison import Comparison
 
-        trained = {name: kind == "trained" for name, (_, kind) in self.looked_up.items()}
+        trained = {name: train for name, (_, train) in self.looked_up.items()}
         planned = [
             (name, seed)
             for name in self.deciders
@@ -244,10 +235,11 @@ class Compare(WorldArguments, TrustArguments, Workers):
         """Train a decider if needed, select its threshold and score it; return it with its name,
         or with its run folder if it was trained.
         """
-        decider, title, run_folder = self.find(name), self.titles[name], None
+        decider, run_folder = self.find(name), None
+        title, train = self.looked_up[name]
         # Share of the call that the training takes.
         before = 0.0
-        if not isinstance(decider, Decider):
+        if train:
             before = 0.7
             title += f" seed {seed}" if self.training_seeds > 1 else ""
             decider, run_folder = self._train(decider, seed, title, folder, report, before)
@@ -271,7 +263,7 @@ class Compare(WorldArguments, TrustArguments, Workers):
         if not self.curves and name != self.deciders[0]:
             decider, index = decider.changed(thresholds=(decider.thresholds[index],)), 0
         scores = sweep(task, decider, episodes, self.seed, scoring)
-        return Result(task, scores, index, name, selected, run_folder)
+        return Result(task, scores, index, name, selected, run_folder, is_learned(decider))
 
     def _train(
         self,

@@ -76,7 +76,7 @@ class Comparison:
         """The rule that is best for the goal on the selection episodes; without rules the
         reference.
         """
-        rules = [entry for entry in self.entries if entry.decider not in self.plan.agents]
+        rules = [entry for entry in self.entries if not entry.learned]
         return max(rules or self.entries[:1], key=lambda entry: entry.selected)
 
     @property
@@ -84,7 +84,7 @@ class Comparison:
         """Results by name; those of one recipe, with different training seeds, are one group."""
         groups: dict[str, list[Result]] = {}
         for entry in self.entries:
-            groups.setdefault(self.plan.titles[entry.decider], []).append(entry)
+            groups.setdefault(self.plan.looked_up[entry.decider][0], []).append(entry)
         return groups
 
     def picture(self) -> Figure:
@@ -95,7 +95,7 @@ class Comparison:
         """The best agent, or without one the best rule, and the episode in which it differs most
         from the reference.
         """
-        agents = [entry for entry in self.entries if entry.decider in self.plan.agents]
+        agents = [entry for entry in self.entries if entry.learned]
         best = max(agents, key=lambda entry: entry.selected) if agents else self.best_rule
         mine, other = (
             entry.scores.of(self.plan.task.goal, entry.chosen) for entry in (best, self.entries[0])

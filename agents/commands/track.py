@@ -136,7 +136,7 @@ class Track(TrackingArguments, TrustArguments):
             if getattr(self, name) and file.recordings[0].projection is None:
                 raise ArgumentError(f"{path}: --{name} needs latitude and longitude, not x and y")
         results = [self.track(recording) for recording in file.recordings]
-        with atomic_folder("out", folder) as part:
+        with atomic_folder(folder) as part:
             places = object_folders(part, [recording.name for recording in file.recordings])
             for tracked, place in zip(results, places, strict=True):
                 self._write(tracked, place)

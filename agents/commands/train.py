@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from agents.interface.help_texts import shown_default
 from agents.interface.world_arguments import WorldArguments
@@ -17,8 +17,8 @@ class Train(WorldArguments):
 
     recipe: str = "ppo"
     """'ppo' (half a minute), 'anchor' (two minutes), 'anchor-all' (for all environments),
-    'stopping' (the learned stop, 20 minutes), 'recurrent-ppo', 'a2c', 'dqn', 'qrdqn', 'rhythm' and
-    'robust' (HybridTrackQuickest-v0, half an hour), or a YAML file.
+    'stopping' (the learned stop, 20 minutes), 'recurrent-ppo', 'a2c', 'dqn', 'qrdqn', 'rhythm'
+    (HybridTrackQuickest-v0, half an hour), or a YAML file.
     """
     set: Annotated[tuple[str, ...], shown_default("those of the recipe")] = ()
     """Hyper-parameters to override, such as n_envs=128 policy_kwargs.net_arch=[32]."""
@@ -59,13 +59,19 @@ class Train(WorldArguments):
             run = make_run(self.env_id, self.world_options(), recipe, self.seed, folder, self.steps)
         from rich.console import Console
 
-        from agents.interface.progress import progress_display, train_shown
+        from agents.interface.progress import progress_display
         from agents.training.learning_curve import draw_learning_curve
         from agents.training.run_folder import read_metrics
 
         console = Console(emoji=False)
         with progress_display(console) as display:
-            train_shown(run, display, f"Training {run.recipe.name}", self.save_every)
+            bar = display.add_task(f"Training {run.recipe.name}", total=run.steps, note="")
+
+            def show(now: Any) -> None:
+                display.update(bar, completed=min(now.steps, now.total), note=now.note)
+
+            run.train(show, self.save_every)
+            display.update(bar, completed=run.steps)
         for line in run.curve.summary(read_metrics(folder)):
             console.print(line, highlight=False, soft_wrap=True)
         draw_learning_curve(folder, folder / "learning.png", run.curve)

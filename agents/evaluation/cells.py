@@ -61,14 +61,13 @@ def estimate_cell(
     estimate: Estimate,
     scale: float,
     digits: int,
-    undefined: str = "-",
     sign: str = "",
 ) -> str:
     """Return the value of an estimate, times `scale`, and below it the half width of its
-    interval if it has one.
+    interval if it has one; words for a value that is not reached.
     """
     if not np.isfinite(estimate.value):
-        return undefined
+        return "not\nreached" if np.isinf(estimate.value) else "-"
     value = f"{scale * estimate.value:{sign}.{digits}f}"
     if np.isnan(estimate.high):
         return value

@@ -179,14 +179,11 @@ def check_name(name: Any, switches: str, further: Sequence[str] = ()) -> None:
     raise unknown("decider", base, known, f"expected a rule, an agent, {files}, see --help")
 
 
-def kind_of(decider: Decider) -> str:
-    """Return "agent" for a decider with a network or with a policy of a learning library, else
-    "rule".
-    """
+def is_learned(decider: Decider) -> bool:
+    """Return whether a decider has a network, or a policy of a learning library."""
     bases = [base.__module__ for base in type(decider).__mro__]
     learned_base = any(base.startswith(learned.__name__) for base in bases)
-    has_policy = hasattr(getattr(decider, "model", None), "policy")
-    return "agent" if learned_base or has_policy else "rule"
+    return learned_base or hasattr(getattr(decider, "model", None), "policy")
 
 
 def distinct_titles(names: Sequence[Any], titles: Sequence[str]) -> list[str]:

@@ -35,6 +35,8 @@ class Result:
     selected: float = np.nan
     # Run folder of an agent that was trained.
     folder: Path | None = None
+    # Whether it is an agent, see `is_learned`.
+    learned: bool = False
 
     @property
     def name(self) -> str:
@@ -71,12 +73,6 @@ class Result:
         return {"name": self.name, "threshold": threshold, **self.estimates, **extra}
 
 
-def metric_cell(metric: Metric, estimate: Estimate) -> str:
-    """Return a metric as a cell, with words for a value that is not reached."""
-    undefined = "not\nreached" if np.isinf(estimate.value) else "-"
-    return estimate_cell(estimate, metric.scale, metric.digits, undefined)
-
-
 def scores_table(results: Sequence[Result], best: Result, title: str, notes: str = "") -> Table:
     """Return a table of the metrics of deciders, and of the paired differences to `best`.
 
@@ -95,7 +91,10 @@ def scores_table(results: Sequence[Result], best: Result, title: str, notes: str
     rows = []
     for result in results:
         cells = [result.scores.bank.replace("_", "-\n")] * has_bank
-        cells += [metric_cell(metric, result.estimates[metric.name]) for metric in task.metrics]
+        cells += [
+            estimate_cell(result.estimates[metric.name], metric.scale, metric.digits)
+            for metric in task.metrics
+        ]
         if quantiles:
             ticks = result.scores.extra["delay_quantiles"][result.chosen]
             cells.append("\n".join(f"{tick:.0f}" for tick in ticks).replace("nan", "-"))
@@ -120,7 +119,9 @@ def metrics_table(
         [
             escape(name),
             *(
-                metric_cell(metric, values[metric.name]) if metric.name in values else ""
+                estimate_cell(values[metric.name], metric.scale, metric.digits)
+                if metric.name in values
+                else ""
                 for metric in metrics
             ),
         ]

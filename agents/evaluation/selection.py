@@ -25,17 +25,17 @@ from hybrid_env.options import ModelOptions
 from hybrid_env.quickest_options import QuickestOptions
 
 
-def select_threshold(task: Task, decider: Decider, episodes: int, most: int = 13) -> float:
+def select_threshold(task: Task, decider: Decider, episodes: int) -> float:
     """Return the threshold with the best mean of the goal, among a few of a decider.
 
     Args:
         task, decider: see `task_of` and `find_decider`.
         episodes: number of episodes to select on, at most 1,000; they have other seeds than those
             of any report.
-        most: number of thresholds that are tried, spread over those of the decider.
     """
     thresholds = FEW_ALPHAS if decider.thresholds == ALPHAS else decider.thresholds
-    thresholds = thresholds[:: -(-len(thresholds) // most)]
+    # At most 13, spread over those of the decider.
+    thresholds = thresholds[:: -(-len(thresholds) // 13)]
     count = min(episodes, seeds.SELECTION_EPISODES)
     scores = sweep(task, decider, count, seeds.SELECTION, thresholds=thresholds)
     return thresholds[task.best(scores)]
@@ -82,13 +82,14 @@ def _rate(ending: str, title: str, unit: str) -> float:
     return rate
 
 
-def reachable(decider: Decider, options: ModelOptions, episodes: int = 20) -> float:
+def reachable(decider: Decider, options: ModelOptions) -> float:
     """Return the largest threshold on probabilities that every mode reaches in half of the
     simulated episodes in which it is true, so that no mode is never stated; infinity for other
     thresholds, and for announced switches.
     """
     if not isinstance(options, QuickestOptions) or decider.symbol != ThresholdDecider.symbol:
         return np.inf
+    episodes = 20
     env = statement_env(options, episodes)
     largest = np.zeros((episodes, options.hypotheses))
     tracks = np.arange(episodes)

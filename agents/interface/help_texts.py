@@ -79,6 +79,20 @@ def grouped(kind: Any, only_usual: bool = False, only_environment: bool = False)
     return dataclasses.make_dataclass(kind.__name__, boxes, kw_only=True)
 
 
+@functools.cache
+def field_texts(kind: type) -> dict[str, str]:
+    """Return the descriptions in the docstrings of a class and its bases, each in one line, by the
+    name of the field.
+    """
+    texts: dict[str, str] = {}
+    if kind is not object:
+        for base in reversed(kind.__bases__):
+            texts |= field_texts(base)
+        params = parse_from_object(kind).params
+        texts |= {part.arg_name: " ".join((part.description or "").split()) for part in params}
+    return texts
+
+
 def _groups(kind: Any) -> Mapping[str, Sequence[str]]:
     return getattr(kind, "GROUPS", {})
 
@@ -90,10 +104,7 @@ def _shown_flags(kind: Any) -> dict[str, Any]:
     "{announced}" and "{unknown}" in a docstring stand for the names of
     the rules of a task.
     """
-    texts: dict[str, str] = {}
-    for base in reversed(kind.__mro__[:-1]):
-        described = {flag.arg_name: flag.description for flag in parse_from_object(base).params}
-        texts |= {flag: " ".join(text.split()) for flag, text in described.items() if text}
+    texts = field_texts(kind)
     for task in (ANNOUNCED, UNKNOWN):
         names = ", ".join(f"'{name}'" for name in rules(task))
         texts = {flag: text.replace(f"{{{task}}}", names) for flag, text in texts.items()}

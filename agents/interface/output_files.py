@@ -18,12 +18,12 @@ from hybrid_env.checks import reject
 PART_PREFIX = ".hybridtrack-"
 
 
-def output_folder(name: str, path: Path) -> Path:
-    """Create the output folder of a command, given by the flag `name`, if it does not exist."""
+def output_folder(path: Path) -> Path:
+    """Create the output folder of a command, given by the flag `out`, if it does not exist."""
     try:
         path.mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as error:
-        raise reject(name, str(path), f"a writable folder ({_reason(error)})") from None
+        raise reject("out", str(path), f"a writable folder ({_reason(error)})") from None
     return path
 
 
@@ -51,13 +51,13 @@ def atomic_file(path: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def atomic_folder(name: str, path: Path) -> Iterator[Path]:
+def atomic_folder(path: Path) -> Iterator[Path]:
     """Context manager that yields an empty temporary folder, whose files appear in `path` together.
 
     If the block fails, nothing appears, and `path` is removed if it is empty. Other files in it
     stay.
     """
-    output_folder(name, path)
+    output_folder(path)
     try:
         with tempfile.TemporaryDirectory(prefix=PART_PREFIX, dir=path) as part:
             yield Path(part)

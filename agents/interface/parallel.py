@@ -41,11 +41,6 @@ class Workers:
         """Number of processes; 1 is this one."""
         return joblib.cpu_count() if self.jobs is None else self.jobs
 
-    @property
-    def parallel(self) -> bool:
-        """Whether calls run outside this process."""
-        return self.processes > 1 or self.engine == "ray"
-
     def results(
         self,
         calls: Mapping[Name, Call],

@@ -87,17 +87,6 @@ def print_lines(console: Console, *lines: object) -> None:
         console.print(str(line), markup=False, highlight=False, soft_wrap=True)
 
 
-def train_shown(run: Any, progress: Progress, title: str, save_every: float = 10.0) -> None:
-    """Train an `Algorithm` with a bar of its steps."""
-    bar = progress.add_task(title, total=run.steps, note="")
-
-    def show(now: Any) -> None:
-        progress.update(bar, completed=min(now.steps, now.total), note=now.note)
-
-    run.train(show, save_every)
-    progress.update(bar, completed=run.steps)
-
-
 class ProgressLines(Progress):
     """Lines on the standard error stream, of all tasks that run."""
 

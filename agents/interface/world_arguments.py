@@ -2,7 +2,6 @@
 
 import contextlib
 import dataclasses
-import functools
 import os
 import re
 import typing
@@ -12,9 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
-from docstring_parser import parse
-
-from agents.interface.help_texts import ENVIRONMENT, shown_default
+from agents.interface.help_texts import ENVIRONMENT, field_texts, shown_default
 from agents.interface.input_files import read_json
 from hybrid_env.checks import reject, unknown
 from hybrid_env.options import WorldOptions
@@ -34,20 +31,13 @@ def _text(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-@functools.cache
-def _described(kind: type) -> dict[str, str]:
-    """Return the descriptions in the docstrings of a dataclass, by the name of the field."""
-    parts = [part for base in kind.__mro__ for part in parse(base.__doc__ or "").params]
-    return {part.arg_name: str(part.description) for part in reversed(parts)}
-
-
 def _flag(kind: type, field: dataclasses.Field[Any], hint: Any) -> Any:
     """Return the type of the flag of an option, with its description and its defaults."""
     # A law is given as a text.
     name, plain = field.name, str if str in typing.get_args(hint) else hint
     if name == "sensors":
         plain = tuple[str, ...]
-    text = " ".join(_described(kind)[name].split())
+    text = field_texts(kind)[name]
     unless_given = re.search(r"None (?:draws|is|means) ([^.;]+)", text)
     # For callers in Python.
     text = re.sub(r"[;.] None [^.;]*|, or a (?:law|scheme|sequence .*) objects?", "", text)

@@ -64,7 +64,7 @@ class AnchorState:
         self.components = np.full((tracks, C), 1 / C)
         self.bias = np.zeros((tracks, M, 2))
         # Ticks, ticks left, speed.
-        self.before = np.zeros((3, tracks))
+        self.before = np.zeros((tracks, 3))
         # (N, M, 3) of each hypothesis, see `ComponentFilters`.
         self.innovations = np.zeros((tracks, M, 3))
         # Moving averages of the log-odds, and of squared innovations over 2, see `stopping_inputs`.
@@ -84,15 +84,15 @@ class AnchorState:
         """
         if episode_start is not None:
             self.starting = self.starting | episode_start
-        before = np.stack([ratios.read(name) for name in ("ticks", "ticks_left", "speed")])
-        begins = before[0] < 1.5
+        before = np.column_stack([ratios.read(name) for name in ("ticks", "ticks_left", "speed")])
+        begins = before[:, 0] < 1.5
         self.first = self.starting & begins
         self.starting = self.starting & ~self.first
         anchors = np.zeros((net.components, len(begins), ANCHOR_COLUMNS))
         log_weights = self.log_weights.copy()
         self.anchors = None
         if begins.any():
-            anchors[:, begins] = self._anchors(net, ratios.rows[begins], begins)
+            anchors[:, begins] = self._anchors(net, ratios, begins)
         self.filters.advance(ratios.rows, begins, anchors, log_weights, self.first, sensed)
         share = joint_posterior(self.filters.log_likelihood, self.log_weights)
         self.posterior = share.sum(0)
@@ -102,30 +102,25 @@ class AnchorState:
         self.bias = bias_of_bank(ratios, self.innovations)
         self.before, self.ratios = before, ratios
 
-    def _anchors(self, net: AnchorNet, rows: Observations, begins: BoolArray) -> FloatArray:
+    def _anchors(self, net: AnchorNet, ratios: RowRatios, begins: BoolArray) -> FloatArray:
         """Return the anchors (C, n, 14) of the tracks that begin a segment, and set their
         weights.
         """
-        ratios = RowRatios(self.world, rows)
-        layout = ratios.layout
-        log_weights = np.full((len(rows), net.components), -1e3)
-        log_weights[:, 0] = 0.0
+        rows, layout = ratios.rows, ratios.layout
+        self.log_weights[begins] = np.where(np.arange(net.components) == 0, 0.0, -1e3)
         mean = np.zeros((len(rows), net.components, 4))
         covariance = np.repeat(stated_covariance(layout, rows)[:, None], net.components, axis=1)
-        later = np.flatnonzero(~self.first[begins])
+        later = np.flatnonzero(begins & ~self.first)
         if later.size:
-            posterior, components, bias = (
-                part[begins] for part in (self.posterior, self.components, self.bias)
-            )
+            ratios = RowRatios(self.world, rows[later])
+            past = (getattr(self, name)[later] for name in ("components", "bias", "before"))
+            posterior = self.posterior[later]
             side = declared_side(ratios, posterior)
-            inputs = anchor_inputs(
-                ratios, side, posterior, components, bias, self.before[:, begins]
-            )[later]
-            factor = stated_factor(ratios, side)[later]
-            log_weights[later], mean[later], covariance[later] = net.anchors(inputs, factor)
-            self.anchors = inputs, factor, np.flatnonzero(begins)[later]
-        self.log_weights[begins] = log_weights
-        return anchor_rows(layout, rows, mean, covariance)
+            inputs = anchor_inputs(ratios, side, posterior, *past)
+            factor = stated_factor(ratios, side)
+            self.log_weights[later], mean[later], covariance[later] = net.anchors(inputs, factor)
+            self.anchors = inputs, factor, later
+        return anchor_rows(layout, rows[begins], mean[begins], covariance[begins])
 
     @property
     def heavy_tails(self) -> FloatArray:
@@ -139,7 +134,7 @@ class AnchorState:
         other = copy.copy(self)
         for name, value in vars(self).items():
             if isinstance(value, np.ndarray):
-                setattr(other, name, value[..., tracks] if name == "before" else value[tracks])
+                setattr(other, name, value[tracks])
         other.filters = self.filters.select_tracks(tracks)
         return other
 
@@ -164,7 +159,8 @@ class AnchorDecider(NetworkDecider):
     Args:
         net: trained networks.
         world: options of the environment, whose model the filters use.
-        threshold: of the log-odds of declaring; at 0 the largest reward is expected.
+
+    Attributes:
         stop: 0 to declare by the probability of an error alone, at threshold 0 by one of 2 %.
     """
 
@@ -173,18 +169,12 @@ class AnchorDecider(NetworkDecider):
     network = AnchorNetworks
     symbol = "log-odds"
     second_threshold = "stop"
+    stop: float = 1.0
     thresholds = -30.0, -20.0, -12.0, -8.0, -5.0, -2.5, 0.0, 2.5, 5.0, 12.0, 30.0
 
-    def __init__(
-        self,
-        net: AnchorNetworks,
-        world: WorldOptions,
-        threshold: float | None = None,
-        stop: float = 1.0,
-    ):
-        super().__init__(threshold)
-        self.net, self.world, self.stop = net, world, stop
-        self.by_type = world.correctness == "type"
+    def __init__(self, net: AnchorNetworks, world: WorldOptions):
+        super().__init__()
+        self.net, self.world = net, world
         self.layout = Layout(world.hypotheses)
         self.observes = "tracks" if world.sensors else "rows"
 
@@ -252,11 +242,10 @@ class AnchorDecider(NetworkDecider):
         depend on the declaration.
         """
         best = odds.best[stops]
-        if best.size and self.by_type and self.world.follow != "bank" and self.world.hypotheses > 3:
-            ratios, posterior = (
-                RowRatios(self.world, odds.ratios.rows[stops]),
-                odds.posterior[stops],
-            )
+        world = self.world
+        of_type = world.correctness == "type" and world.hypotheses > 3
+        if best.size and of_type and world.follow != "bank":
+            ratios, posterior = RowRatios(world, odds.ratios.rows[stops]), odds.posterior[stops]
             turn = ratios.turn
             same = ratios.kind == ratios.kind[best][:, None]
             mean = (posterior * same * turn).sum(-1) / (posterior * same).sum(-1)

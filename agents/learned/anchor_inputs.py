@@ -16,9 +16,6 @@ from hybrid_env.checks import Float32Array, FloatArray, IntArray
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 
-# Signs of [x, vx, y, vy] in a frame whose across axis points to the right.
-MIRROR = np.array([1.0, 1.0, -1.0, -1.0])
-
 
 def bounded_log(values: ArrayLike, smallest: float = 1e-12) -> FloatArray:
     """Return the logarithms of values, of at least the smallest one."""
@@ -93,7 +90,7 @@ def declared_side(ratios: RowRatios, posterior: FloatArray) -> FloatArray:
     """
     decided = ratios.kind[ratios.read("previous").argmax(-1)]
     left, right = (posterior[:, ratios.kind == motion_type].sum(-1) for motion_type in (1, 2))
-    return np.select([decided == 1, decided == 2, left < right], [1.0, -1.0, -1.0], 1.0)
+    return np.where(np.where(decided == 0, left >= right, decided == 1), 1.0, -1.0)
 
 
 def anchor_inputs(
@@ -113,13 +110,12 @@ def anchor_inputs(
         posterior: (N, M) of the hypotheses before the switch.
         components: (N, C) posterior of the components of the last anchor, the last C inputs.
         bias: (N, M, 2) see `bias_of_bank`, before the switch.
-        before: (3, N) ticks, ticks left and speed of the row before the switch.
+        before: (N, 3) ticks, ticks left and speed of the row before the switch.
     """
     read = ratios.read
     kind = ratios.kind
     decided = read("previous").argmax(-1)
-    straight = decided == 0
-    ticks, ticks_left, last_speed = before
+    ticks, ticks_left, last_speed = before.T
     of_type = np.stack([posterior[:, kind == k].sum(-1) for k in range(3)], axis=-1)
     same = np.where(side > 0, 1, 2)
     turn = ratios.turn * side[:, None]
@@ -134,8 +130,8 @@ def anchor_inputs(
     variance = variance + ratios.process_deviation**2 * (ticks + ticks_left)
     drift = ratios.of_mode(bias, decided)
     columns = [
-        np.where(straight, 0.0, 0.5 * (bounded_log(np.abs(declared)) + 3.0)),
-        straight,
+        log_turn(declared),
+        decided == 0,
         0.2 * log_odds(ratios.of_mode(posterior, decided)),
         0.2 * log_odds(ratios.of_mode(of_type, kind[decided])),
         of_type[:, 0],
@@ -279,14 +275,13 @@ def stated_factor(ratios: RowRatios, side: FloatArray) -> FloatArray:
     covariance = stated_covariance(ratios.layout, ratios.rows)
     noise = np.exp(ratios.read("log_noise"))
     # Relative to R, and to R / tau^2 of the thousandth part.
-    for k, floor in (
-        (0, 1e-3 * noise),
-        (1, 1e-3 * noise / (1000.0 * ratios.world.tau**2)),
-    ):
-        for axis in (k, k + 2):
-            covariance[:, axis, axis] = np.maximum(covariance[:, axis, axis], floor)
+    position = 1e-3 * noise
+    velocity = position / (1000.0 * ratios.world.tau**2)
+    for k, floor in enumerate((position, velocity, position, velocity)):
+        covariance[:, k, k] = np.maximum(covariance[:, k, k], floor)
     limit = 0.99 * np.sqrt(covariance[:, 0, 0] * covariance[:, 1, 1])
     for i, j in ((0, 1), (1, 0), (2, 3), (3, 2)):
         covariance[:, i, j] = np.clip(covariance[:, i, j], -limit, limit)
-    signs = np.where(side[:, None] < 0, MIRROR, 1.0)
+    # Of [x, vx, y, vy] in a frame whose across axis points to the side of the turn.
+    signs = np.where(side[:, None] < 0, [1.0, 1.0, -1.0, -1.0], 1.0)
     return np.asarray(signs[..., None] * np.linalg.cholesky(covariance))

@@ -14,11 +14,11 @@ the reward of the declaration itself.
 and what the filters know whether waiting pays.
 """
 
-import math
 from typing import ClassVar
 
 import torch
 from torch import Tensor, nn
+from torch.distributions import Categorical, MixtureSameFamily, MultivariateNormal
 
 from agents.learned.anchor_inputs import log_odds
 from agents.learned.statement_net import GAIN, zero_layer
@@ -71,16 +71,14 @@ class AnchorNet(nn.Module):
     def loss(self, inputs: Tensor, errors: Tensor) -> Tensor:
         """Return the mean negative log-density of whitened errors, (n, 4)."""
         log_weight, mean, factor = self(inputs)
-        white = torch.linalg.solve_triangular(
-            factor,
-            (errors[:, None] - mean)[..., None],
-            upper=False,
+        # A training that diverges is found when it is saved.
+        unchecked = {"validate_args": False}
+        mixture = MixtureSameFamily(
+            Categorical(logits=log_weight, **unchecked),
+            MultivariateNormal(mean, scale_tril=factor, **unchecked),
+            **unchecked,
         )
-        log_determinant = factor.diagonal(dim1=-2, dim2=-1).log().sum(-1)
-        log_density = (
-            -0.5 * white[..., 0].square().sum(-1) - log_determinant - 2.0 * math.log(2.0 * math.pi)
-        )
-        return -torch.logsumexp(log_weight + log_density, dim=-1).mean()
+        return -mixture.log_prob(errors).mean()
 
     @torch.no_grad()
     def anchors(

@@ -53,28 +53,19 @@ def read_network(path: Path) -> tuple[Callable[[Any], NDArray[Any]], tuple[int, 
     content = _checked_model(path)
     import onnxruntime
 
-    first = _settings()
-    first.add_session_config_entry("session.use_env_allocators", "1")
-    first.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_DISABLE_ALL
-    _limit_memory()
-    widths = _check_calls(
-        onnxruntime.InferenceSession(content, first, providers=["CPUExecutionProvider"])
-    )
-    # What is computed ahead of a call when a graph is optimised is now known to be small.
-    session = onnxruntime.InferenceSession(content, _settings(), providers=["CPUExecutionProvider"])
-    given = session.get_inputs()[0].name
-    out = session.get_outputs()[0].name
-    return lambda rows: session.run([out], {given: np.asarray(rows, np.float32)})[0], widths
-
-
-def _settings() -> Any:
-    import onnxruntime
-
     settings = onnxruntime.SessionOptions()
     settings.intra_op_num_threads = settings.inter_op_num_threads = 1
     # Fatal errors only.
     settings.log_severity_level = 4
-    return settings
+    # What is computed ahead of a call when a graph is optimised has no bounds.
+    settings.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_DISABLE_ALL
+    settings.add_session_config_entry("session.use_env_allocators", "1")
+    _limit_memory()
+    session = onnxruntime.InferenceSession(content, settings, providers=["CPUExecutionProvider"])
+    given = session.get_inputs()[0].name
+    out = session.get_outputs()[0].name
+    widths = _check_calls(session)
+    return lambda rows: session.run([out], {given: np.asarray(rows, np.float32)})[0], widths
 
 
 @functools.cache

@@ -2,7 +2,7 @@
 
 import platform
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -51,12 +51,12 @@ def save_policy(
     """
     with atomic_file(folder / WEIGHTS) as part:
         save_file({name: tensor.contiguous() for name, tensor in weights.items()}, part)
-    scales = {"observation_scales": _scales(LAYOUTS[task])} if task in LAYOUTS else {}
-    write_json(folder / CARD, dict(card) | scales)
+    write_json(folder / CARD, {**card, "observation_scales": _scales(task)})
 
 
-def _scales(layout: type[Layout]) -> dict[str, float]:
-    return layout.hypothesis_features | layout.track_features
+def _scales(task: str) -> dict[str, float] | None:
+    layout = LAYOUTS.get(task)
+    return layout and layout.scales_by_name()
 
 
 @dataclass(frozen=True)
@@ -76,16 +76,12 @@ class SavedPolicy:
         return entry
 
     @property
-    def layouts(self) -> dict[str, type[Layout]]:
-        """Layouts of the rows that the agent may read, by task; none if it reads no rows."""
-        return {task: LAYOUTS[task] for task in self.algorithm.tasks if task in LAYOUTS}
-
-    @property
     def task(self) -> str:
-        """What the agent was trained for, see `Decider.task`."""
+        """What the agent was trained for, see `Decider.task`; empty if its rows had other scales
+        than those of today.
+        """
         scales = self.card.get("observation_scales")
-        tasks = [task for task, layout in self.layouts.items() if _scales(layout) == scales]
-        return tasks[0] if tasks else str(self.algorithm.tasks[0])
+        return next((task for task in self.algorithm.tasks if _scales(task) == scales), "")
 
 
 @torch_defaults()
@@ -96,19 +92,14 @@ def load_policy(folder: Path) -> SavedPolicy:
     try:
         card = read_json(folder / CARD)
         algo = card["recipe"]["entry"]["algo"]
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise unreadable_policy(folder, error) from None
-    policy = SavedPolicy(folder, card, find_algorithm(algo), {})
-    layouts = [_scales(layout) for layout in policy.layouts.values()]
-    try:
-        is_known = not layouts or card["observation_scales"] in layouts
         weights = _read_tensors(folder / WEIGHTS)
     except (OSError, ValueError, KeyError, TypeError, SafetensorError) as error:
         raise unreadable_policy(folder, error) from None
-    if not is_known:
+    policy = SavedPolicy(folder, card, find_algorithm(algo), weights)
+    if not policy.task:
         allowed = "a policy trained with the current observation scales; this one has other scales"
         raise reject("run", str(folder), allowed)
-    return replace(policy, weights=weights)
+    return policy
 
 
 def _read_tensors(path: Path) -> dict[str, Tensor]:

@@ -48,11 +48,10 @@ class UtilityDecider(NetworkDecider):
 
     Args:
         net: trained network.
-        margin: added to the utility of keeping the statement. With a larger one the statement
-            changes later, and less often to a wrong mode.
 
-    Raises:
-        ArgumentError: the margin is not a finite number.
+    Attributes:
+        threshold: a margin, added to the utility of keeping the statement. With a larger one the
+            statement changes later, and less often to a wrong mode.
     """
 
     any_modes = False
@@ -66,8 +65,8 @@ class UtilityDecider(NetworkDecider):
 
     net: Any
 
-    def __init__(self, net: Any, margin: float = 0.0):
-        super().__init__(margin)
+    def __init__(self, net: Any):
+        super().__init__()
         self.net = net
 
     @classmethod
@@ -120,16 +119,12 @@ class StatementDecider(UtilityDecider):
     Args:
         net: trained network.
         world: options of the environment.
-        margin: see `UtilityDecider`.
-
-    Raises:
-        ArgumentError: the margin is not a finite number.
     """
 
     task = UNKNOWN
 
-    def __init__(self, net: StatementNet, world: QuickestOptions, margin: float = 0.0):
-        super().__init__(net, margin)
+    def __init__(self, net: StatementNet, world: QuickestOptions):
+        super().__init__(net)
         self.world = world
         self.layout = QuickestLayout(world.hypotheses)
         self.beam = None

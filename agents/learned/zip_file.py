@@ -15,6 +15,9 @@ from torch import Tensor
 
 from agents.learned.policy_file import LARGEST_FILE, check_finite
 
+# Files in a zip file, and tensors.
+MOST_PARTS = 20_000
+
 
 def read_plain(source: Path | bytes, largest: int) -> Any:
     """Return the tensors and plain values that `torch.save` wrote.
@@ -60,18 +63,18 @@ def read_model(path: Path) -> tuple[dict[str, Any], dict[str, Tensor]]:
     }
 
 
-def _opened(content: bytes, largest: int, most: int = 20_000) -> zipfile.ZipFile:
+def _opened(content: bytes, largest: int) -> zipfile.ZipFile:
     """Return a zip file; `ValueError` if it has too many files, or what it stores is too large."""
     # Its directory is counted before it is read.
-    if content.count(b"PK\1\2") > most:
-        raise ValueError(f"it contains more than {most} files")
+    if content.count(b"PK\1\2") > MOST_PARTS:
+        raise ValueError(f"it contains more than {MOST_PARTS} files")
     file = zipfile.ZipFile(io.BytesIO(content))
     if sum(info.file_size for info in file.infolist()) > largest:
         raise ValueError(f"it stores more than {largest:,} bytes")
     return file
 
 
-def _check_calls(content: bytes, most: int = 20_000) -> None:
+def _check_calls(content: bytes) -> None:
     """Raise `ValueError` if a pickle calls something that plain tensors do not need, or too often.
 
     PyTorch refuses all but harmless calls, of which some would fill the memory.
@@ -82,5 +85,5 @@ def _check_calls(content: bytes, most: int = 20_000) -> None:
         if opcode.name in ("STACK_GLOBAL", "INST") or (opcode.name == "GLOBAL" and not plain):
             raise ValueError(f"it calls {str(argument)[:100]!r}, which plain tensors do not need")
         calls += opcode.name in ("REDUCE", "NEWOBJ", "OBJ")
-    if calls > most:
-        raise ValueError(f"it is of more than {most} tensors")
+    if calls > MOST_PARTS:
+        raise ValueError(f"it is of more than {MOST_PARTS} tensors")

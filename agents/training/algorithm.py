@@ -138,10 +138,6 @@ class Algorithm(ABC):
     def build(self) -> None:
         """Create network and tracks; invalid settings are refused before anything is written."""
 
-    def set_steps(self, steps: int) -> None:
-        """Set the number of environment steps so far, also to that of a checkpoint."""
-        self.num_timesteps = steps
-
     def track_tensors(self) -> dict[str, Tensor]:
         """Return the state of tracks and policy between two rollouts; writing into it changes
         the run.
@@ -184,7 +180,7 @@ class Algorithm(ABC):
         if self.folder is None:
             self.learn(on_progress)
             return
-        with run_folder.lock(output_folder("out", self.folder)):
+        with run_folder.lock(output_folder(self.folder)):
             run_folder.drop_metrics_after(self.folder, self.num_timesteps)
             run_folder.delete_temporary_files(self.folder)
             config = {
@@ -274,7 +270,7 @@ class Algorithm(ABC):
 
     def _restore(self, state: dict[str, Any]) -> None:
         """Set everything that `save` wrote."""
-        self.set_steps(check_integer("steps", state["steps"], minimum=0))
+        self.num_timesteps = check_integer("steps", state["steps"], minimum=0)
         self.seconds = float(state["seconds"])
         self.last_evaluation = dict(state["measured"])
         self.network.load_state_dict(state["network"])
@@ -291,8 +287,6 @@ class NetworkAlgorithm(Algorithm):
     """Lower bound of the learning rate, as a factor of the first one, while it decays linearly."""
     decider: ClassVar[Any]
     """Class of the agent, such as `UtilityDecider`."""
-    log_every: ClassVar[int] = 1
-    """Rounds between two lines of metrics."""
     net: Any
     """The network that is trained."""
     world: Any = None
@@ -330,22 +324,18 @@ class NetworkAlgorithm(Algorithm):
         """Create network and optimizer."""
         self.prepare()
         torch.manual_seed(self.seed)
-        self.start(self.create_network(), self.settings.learning_rate)
+        self.net = self.network = self.create_network()
+        self._rate, self._decays = learning_rate_schedule(self.settings.learning_rate)
+        self.optimizer = torch.optim.Adam(self.network.parameters(), lr=self._rate)
+        # A part without samples yet has no gradient.
+        for parameter in self.network.parameters():
+            parameter.grad = torch.zeros_like(parameter)
         if self.world is not None:
             self.agent("").for_modes(self.world)
 
     def create_network(self) -> nn.Module:
         """Return the network at the beginning of the training."""
         return self.network_of(vars(self.settings))
-
-    def start(self, network: nn.Module, learning_rate: str | float) -> None:
-        """Create the optimizer of a new network."""
-        self.net = self.network = network
-        self._rate, self._decays = learning_rate_schedule(learning_rate)
-        self.optimizer = torch.optim.Adam(network.parameters(), lr=self._rate)
-        # A part without samples yet has no gradient.
-        for parameter in network.parameters():
-            parameter.grad = torch.zeros_like(parameter)
 
     def improve(self, loss: Tensor, largest: float, *parts: nn.Module) -> None:
         """Make a step of the optimizer; `largest` is the norm of the gradient of each part of the
@@ -380,10 +370,10 @@ class NetworkAlgorithm(Algorithm):
             self.between_updates()
             steps, reward, ticks, metrics = self.train_round()
             self.rounds += 1
-            self.set_steps(self.num_timesteps + steps)
+            self.num_timesteps += steps
             if on_progress is not None:
                 on_progress(TrainingProgress(self.num_timesteps, self.steps, reward, ticks))
-            if self.folder is not None and self.rounds % self.log_every == 0:
+            if self.folder is not None:
                 metrics["seconds"] = self.seconds
                 run_folder.append_metrics(self.folder, self.num_timesteps, metrics)
 

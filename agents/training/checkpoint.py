@@ -11,32 +11,16 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
 from agents.interface.output_files import atomic_file
 from agents.learned.policy_file import first_line
 from agents.learned.zip_file import read_plain
 from hybrid_env.checks import reject
-from hybrid_env.vector_env import TrackVectorEnv
 
 CHECKPOINT = "checkpoint.pt"
 # Bytes.
 LARGEST_CHECKPOINT = 2**29
-
-
-def track_arrays(env: TrackVectorEnv) -> dict[str, NDArray[Any]]:
-    """Return all arrays that determine the next steps; writing into them changes the tracks."""
-    world = env.world
-    arrays = {"observations": world.observations, "terminated": world.terminated}
-    for name, records in ({"blocks": world.blocks} | world.bank._asdict()).items():
-        arrays |= {f"{name}.{field}": records[field] for field in records.dtype.names or ()}
-    return arrays
-
-
-def check_tracks(env: TrackVectorEnv) -> None:
-    """Check restored arrays; see `hybrid_env.world.World.check_blocks`."""
-    env.world.check_blocks(env.world.blocks, env.world.seeded)
 
 
 def random_state() -> dict[str, Any]:

@@ -86,18 +86,15 @@ def expected_reward(
     to_wrong = (1.0 - torch.eye(M)) * (1.0 - right)[..., None, :]
     wrong_changes = (change * to_wrong).sum(-1)
     probability = torch.softmax(utility[0], -1) if last is None else last
-    before = []
-    after = []
+    # The first statement is no change.
+    before = torch.zeros_like(probability) if last is None else last
+    every = []
     for tick, matrix in enumerate(change.unbind(0)):
-        # The first statement is no change.
-        if tick == 0 and last is None:
-            before.append(torch.zeros_like(probability))
-        else:
-            before.append(probability)
+        if tick or last is not None:
             probability = torch.bmm(probability[:, None], matrix)[:, 0]
-        after.append(probability)
-    stated = torch.stack(after)
-    previous = torch.stack(before)
+        every.append(probability)
+    stated = torch.stack(every)
+    previous = torch.cat([before[None], stated[:-1]])
     reward = (stated * right).sum(-1) - batch.change_cost * (previous * wrong_changes).sum(-1)
     return (batch.weight * reward).mean(0), probability
 

@@ -223,10 +223,6 @@ class LibraryAlgorithm(Algorithm):
         """The replay buffer; None for an algorithm without one."""
         return getattr(self.model, "replay_buffer", None)
 
-    def set_steps(self, steps: int) -> None:
-        super().set_steps(steps)
-        self.model.num_timesteps = steps
-
     def agent(self, title: str) -> Decider:
         layout = self.model.env.env.world.layout
         actor = self.actor(
@@ -286,8 +282,10 @@ class LibraryAlgorithm(Algorithm):
 
     def restore_values(self, values: dict[str, Any]) -> None:
         model = self.model
-        checkpoint.check_tracks(model.env.env)
+        world = model.env.env.world
+        world.check_blocks(world.blocks, world.seeded)
         self._restored = values
+        model.num_timesteps = self.num_timesteps
         for name in self._counters:
             setattr(model, name, values["counters"][name])
         for reward, ticks in values["episodes"]:

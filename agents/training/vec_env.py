@@ -9,7 +9,6 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices
 
-from agents.training.checkpoint import track_arrays
 from hybrid_env.checks import BoolArray, Float32Array, IntArray
 from hybrid_env.registration import make_track_vector_env
 
@@ -95,7 +94,16 @@ class HybridTrackVecEnv(VecEnv):
 
     def state_arrays(self) -> dict[str, NDArray[Any]]:
         """Return all arrays that determine the next steps; writing into them changes the tracks."""
-        return track_arrays(self.env) | {"returns": self._returns, "steps": self._steps}
+        world = self.env.world
+        arrays = {
+            "observations": world.observations,
+            "terminated": world.terminated,
+            "returns": self._returns,
+            "steps": self._steps,
+        }
+        for name, records in ({"blocks": world.blocks} | world.bank._asdict()).items():
+            arrays |= {f"{name}.{field}": records[field] for field in records.dtype.names or ()}
+        return arrays
 
     def close(self) -> None:
         """Do nothing; no external resources are held."""

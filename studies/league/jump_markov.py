@@ -253,8 +253,8 @@ class JumpMarkovDecider(UtilityDecider):
     observes = "tracks"
     every_tick = True
 
-    def __init__(self, net: JumpMarkovNet, world: QuickestOptions, margin: float = 0.0):
-        super().__init__(net, margin)
+    def __init__(self, net: JumpMarkovNet, world: QuickestOptions):
+        super().__init__(net)
         self.world = world
 
     @classmethod
@@ -336,14 +336,8 @@ class JumpMarkov(Statements):
     Settings = StatementSettings
     decider = JumpMarkovDecider
 
-    def simulate(
-        self,
-        world: QuickestOptions,
-        tracks: int,
-        seed: int,
-        inexact: bool,
-    ) -> tuple[NDArray[Any], ...]:
-        """See `Statements.simulate`; tracks that read measurements are never inexact."""
+    def simulate(self, world: QuickestOptions, tracks: int, seed: int) -> tuple[NDArray[Any], ...]:
+        """See `Statements.simulate`."""
         env = HybridTrackQuickestVectorEnv(tracks, "Disabled", **vars(world))
         env.reset(seed=seed)
         decider = JumpMarkovDecider(self.net, world)

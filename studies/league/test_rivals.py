@@ -178,12 +178,7 @@ def test_the_jump_markov_net_decides_tick_by_tick_as_on_whole_tracks():
     for layer in (run.net.filter.gain[2], run.net.filter.covariance[2], run.net.modes.output):
         torch.nn.init.normal_(layer.weight, std=0.1)
     seen = np.concatenate(
-        run.simulate(
-            run.world,
-            4,
-            3,
-            False,
-        )[:2],
+        run.simulate(run.world, 4, 3)[:2],
         -1,
     )
     agent = run.decider(run.net, run.world)

@@ -81,4 +81,4 @@ def test_the_usual_deciders_apply_to_the_modes():
     for env, given in ((ENVS[False], {}), (ENVS[True], {"ticks": 60})):
         command = Compare(env=env, modes=MODES, **given).plan()
         assert "shipped" not in command.deciders
-        assert len(command.titles) > 3
+        assert len(command.looked_up) > 3

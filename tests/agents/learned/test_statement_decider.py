@@ -155,7 +155,7 @@ def test_an_episode_that_begins_is_not_remembered():
 def test_an_untrained_network_is_the_threshold_rule():
     # No utility of keeping the statement.
     margin = -float(np.log1p(np.exp(2.0)))
-    decider = StatementDecider(StatementNet(4), QuickestOptions(), margin)
+    decider = StatementDecider(StatementNet(4), QuickestOptions()).at(margin)
     agent, rule = (record_statements(each, 20, 0) for each in (decider, ThresholdDecider(0.0)))
 
     assert (agent.stated_modes == rule.stated_modes).mean() > 0.999

@@ -4,11 +4,9 @@ refused.
 
 import json
 
-import numpy as np
 import pytest
 
 from agents.training.recipe import load_recipe, recipe_names, recipe_of
-from agents.training.runs import make_run
 from hybrid_env.checks import ArgumentError
 
 ENV = "hybrid_env:HybridTrackPublished-v0"
@@ -59,22 +57,3 @@ def test_a_file_with_code_is_refused(tmp_path):
     path.write_text("default: !!python/object:os.system {}")
     with pytest.raises(ArgumentError, match="nstructor"):
         load_recipe(str(path), ENV)
-
-
-def test_rows_of_objects_that_move_otherwise_than_told_are_finite():
-    recipe = load_recipe(
-        "robust",
-        "HybridTrackQuickest-v0",
-        ("inexact=2", "n_envs=2", "batch_size=4", "ticks=20"),
-    )
-    run = make_run(
-        "HybridTrackQuickest-v0",
-        {},
-        recipe,
-        0,
-        steps=80,
-    )
-    [batch] = run.batches()
-
-    assert batch.inputs.shape == (20, 4, 2, 26)
-    assert np.isfinite(batch.inputs.numpy()).all()

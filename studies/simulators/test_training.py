@@ -1,10 +1,13 @@
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from agents.training.inexact import inexact_paths
-from hybrid_env.quickest_options import QuickestOptions
+from agents import load_recipe
+from agents.training.runs import make_run
+from hybrid_env import QuickestOptions
+from studies.simulators.training import inexact_paths
 
 CARS = "straight 20 + geometric 40, turns 5 + geometric 10"
 OPTIONS = QuickestOptions(ticks=300, radii=(3.0,), durations=CARS)
@@ -68,3 +71,22 @@ def test_paths_do_not_depend_on_units():
         rtol=1e-9,
         atol=1e-6,
     )
+
+
+def test_rows_of_objects_that_move_otherwise_than_told_are_finite():
+    recipe = load_recipe(
+        str(Path(__file__).with_name("robust.yml")),
+        "HybridTrackQuickest-v0",
+        ("worlds=2", "n_envs=2", "batch_size=4", "ticks=20"),
+    )
+    run = make_run(
+        "HybridTrackQuickest-v0",
+        {},
+        recipe,
+        0,
+        steps=80,
+    )
+    [batch] = run.batches()
+
+    assert batch.inputs.shape == (20, 4, 2, 26)
+    assert np.isfinite(batch.inputs.numpy()).all()

@@ -1,22 +1,63 @@
-"""Objects that move otherwise than deciders are told, for the training of an agent.
+"""Training of the agent for objects that move otherwise than deciders are told: `hybridtrack train
+--recipe studies/simulators/robust.yml --env HybridTrackQuickest-v0`.
 
 Like the aircraft of simulators they need time to roll into a turn, fly other speeds and banks than
 the nominal ones, and weave; like cars they brake for turns and stop. All of it is drawn for each
 track, from wide ranges, in ticks and in units of what is told, so that no scale is preferred.
 """
 
-import functools
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Annotated, Any
 
 import numpy as np
+from annotated_types import Ge
 from numpy.random import Generator
+from numpy.typing import NDArray
 
-from baselines.recordings.given_tracks import Paths
-from baselines.recordings.log_uniform import log_uniform
-from baselines.rules.rollout import record_in, statement_env
-from hybrid_env.checks import BoolArray, FloatArray, IntArray
-from hybrid_env.durations import ModeDurations, parse_durations
-from hybrid_env.quickest_options import QuickestOptions
+from agents import Statements, StatementSettings
+from baselines import GivenTracks, record_statements
+from hybrid_env import ArgumentError, QuickestOptions
+
+
+@dataclass(frozen=True, kw_only=True)
+class InexactSettings(StatementSettings):
+    """Hyper-parameters of the agent for objects that move otherwise than told."""
+
+    # Of every round, new ones in each.
+    worlds: Annotated[int, Ge(1)]
+    durations: tuple[str, ...] = ()
+
+
+class Inexact(Statements):
+    """A training run on objects that move otherwise than told, with rows of the likeliest noise."""
+
+    Settings = InexactSettings
+    settings: InexactSettings
+
+    @property
+    def worlds_count(self) -> int:
+        """See `Statements.worlds_count`."""
+        return self.settings.worlds
+
+    def prepare(self) -> None:
+        """See `Statements.prepare`."""
+        super().prepare()
+        for name in ("noise", "missed", "sensors", "object_variance", "start"):
+            if getattr(self.world, name) != getattr(QuickestOptions(), name):
+                raise ArgumentError(f"{name}={getattr(self.world, name)}: expected the default")
+
+    def draw_world(self, generator: Generator, number: int) -> QuickestOptions:
+        """See `Statements.draw_world`."""
+        return draw_options(generator, replace(self.world, ticks=self.ticks))
+
+    def make_env(self, world: QuickestOptions, tracks: int) -> Any:
+        """See `Statements.make_env`."""
+        return GivenTracks(inexact_travel, world, tracks, likeliest=True)
+
+
+def log_uniform(generator: Generator, low: float, high: float, count: int | None = None) -> Any:
+    """Return a number, or (count,) numbers, uniform in their logarithm."""
+    return np.exp(generator.uniform(np.log(low), np.log(high), count))
 
 
 def draw_options(generator: Generator, options: QuickestOptions) -> QuickestOptions:
@@ -39,11 +80,9 @@ def draw_options(generator: Generator, options: QuickestOptions) -> QuickestOpti
         for shortest in (turn, straights * turn)
     ]
     law = f"straight {texts[1]}, turns {texts[0]}" if generator.random() < 0.45 else texts[0]
+    lasting = replace(options, durations=law, hazard=None).law.mean_duration
     # Switches per tick told over the true mean.
-    hazard = min(
-        drawn(0.7, 1.4) / parse_durations(law).mean_duration,
-        1.0 - 1.0 / options.hypotheses,
-    )
+    hazard = min(drawn(0.7, 1.4) / lasting, 1.0 - 1.0 / options.hypotheses)
     # Over the square of the distance of a tick.
     variance = drawn(2e-4, 30.0) * step**2
     scale = step / angle / min(options.radii)
@@ -57,15 +96,15 @@ def draw_options(generator: Generator, options: QuickestOptions) -> QuickestOpti
     )
 
 
-def inexact_travel(options: QuickestOptions, tracks: int, seed: int) -> Paths:
+def inexact_travel(options: QuickestOptions, tracks: int, seed: int) -> tuple[NDArray[Any], ...]:
     """Return paths of objects that move otherwise than told; the modes are those of the
     environment.
 
     Tracks with a law of durations for each kind of motion are like those of cars.
     """
     generator = np.random.default_rng(seed)
-    make = functools.partial(statement_env, options, tracks)
-    modes = record_in(make, lambda rows: np.zeros(tracks, np.int64), seed)[0].true_modes
+    nothing = np.zeros(tracks, np.int64)
+    modes = record_statements(lambda rows: nothing, tracks, seed, **vars(options)).true_modes
     positions, first = inexact_paths(options, modes, generator)
     starts = first + np.sqrt(options.start_variances) * generator.standard_normal(first.shape)
     noise = np.sqrt(options.variances[0]) * generator.standard_normal(positions.shape)
@@ -74,10 +113,10 @@ def inexact_travel(options: QuickestOptions, tracks: int, seed: int) -> Paths:
 
 def inexact_paths(
     options: QuickestOptions,
-    modes: IntArray,
+    modes: NDArray[np.int64],
     generator: Generator,
     spread: float = 1.0,
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return positions (T, N, 2) [m] of objects in given modes (T, N), and their first states
     (N, 4); `spread` 0 gives the motion that is told.
     """
@@ -87,16 +126,16 @@ def inexact_paths(
         [0.0, *(side / radius for side in (1.0, -1.0) for radius in options.radii)]
     )
 
-    def drawn(low: float, high: float) -> FloatArray:
+    def drawn(low: float, high: float) -> NDArray[np.float64]:
         return np.asarray(log_uniform(generator, low, high, tracks))
 
-    def factors(low: float, high: float) -> FloatArray:
+    def factors(low: float, high: float) -> NDArray[np.float64]:
         return drawn(low, high) ** spread
 
-    def share(probability: float | FloatArray) -> BoolArray:
+    def share(probability: float | NDArray[np.float64]) -> NDArray[np.bool_]:
         return np.asarray(generator.random(tracks) < probability)
 
-    car = np.full(tracks, isinstance(options.law, ModeDurations))
+    car = np.full(tracks, "turns" in str(options.law))
     # Turns that begin at once, and the time constant of the others [ticks].
     sudden = share(1.0 - 0.6 * spread)
     smoothing = np.where(sudden, 1.0, 1.0 - np.exp(-1.0 / drawn(0.7, 10.0)))
@@ -107,7 +146,7 @@ def inexact_paths(
     weaving = generator.uniform(0.0, 0.3 * spread, tracks) / min(options.radii)
     memory = np.exp(-1.0 / drawn(4.0, 20.0))
 
-    def speeds(mode: IntArray) -> FloatArray:
+    def speeds(mode: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return speeds over what is told; cars brake in turns and sometimes stop."""
         of_cars = np.where(mode > 0, factors(0.3, 1.0), factors(0.5, 1.3))
         usual = np.where(car, of_cars, factors(0.85, 1.15))
