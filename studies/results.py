@@ -1,11 +1,12 @@
 """What several studies do with their calls and results: many at once, then files."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 import joblib
+import numpy as np
 from matplotlib.figure import Figure
 from rich.progress import track
 
@@ -29,3 +30,17 @@ def save_results(path: Path, text: str, content: Any, figure: Figure | None = No
     if figure is not None:
         figure.savefig(path.with_suffix(".png"))
     print(f"Files: {path}.md, .json{', .png' if figure else ''}")
+
+
+def markdown_table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return a table in Markdown."""
+    head, *lines = (f"| {' | '.join(row)} |\n" for row in (heads, *rows))
+    return "".join([head, "|" + "---|" * len(heads) + "\n", *lines])
+
+
+def in_brackets(estimate: Estimate, digits: int, sign: str = "") -> str:
+    """Return the value of an estimate with its confidence interval in one line; "+" shows the
+    signs.
+    """
+    value, low, high = (f"{number:{sign}.{digits}f}" for number in vars(estimate).values())
+    return f"{value} [{low}, {high}]" if np.isfinite(estimate.value) else "not reached"

@@ -1,7 +1,7 @@
 """RecurrentPPO of sb3-contrib: PPO with an LSTM."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 from annotated_types import Interval
 from torch import Tensor
@@ -15,7 +15,7 @@ from agents.training.library_settings import Layer
 class RecurrentPPOSettings(PPOSettings):
     """Hyper-parameters of RecurrentPPO."""
 
-    policy_name = "MlpLstmPolicy"
+    policy: Literal["MlpLstmPolicy"]  # type: ignore[assignment]
     network = {  # noqa: RUF012
         **PPOSettings.network,
         "lstm_hidden_size": Layer,

@@ -20,7 +20,7 @@ from PIL import Image
 from rich.console import Console
 from rich.progress import Progress
 
-from agents.evaluation.episodes import episode_table, page_data, track_record
+from agents.evaluation.episodes import episode_table, page_data, timeline
 from agents.evaluation.registry import (
     ErrorArguments,
     check_name,
@@ -101,16 +101,7 @@ class Episodes:
         """
         # Plays the episode.
         list(self.play(seed))
-        history = self.history
-        return track_record(
-            self.task,
-            history,
-            name=name,
-            truth=history.points(),
-            measurements=history.points("measured_"),
-            true_modes=history.true_modes,
-            estimates=history.points("estimate_"),
-        )
+        return TrackRecord(name=name, history=self.history, **timeline(self.task, self.history))
 
     def page_data(self) -> dict[str, Any]:
         """Return what a page shows of the episode that was played last."""

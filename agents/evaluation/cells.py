@@ -1,6 +1,4 @@
-"""Tables for the terminal and in Markdown; estimates with their intervals as cells and words of
-lines.
-"""
+"""Tables for the terminal, and estimates with their intervals as cells."""
 
 from collections.abc import Iterable, Sequence
 
@@ -51,12 +49,6 @@ def filled_table(
     return table
 
 
-def markdown_table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return a table in Markdown."""
-    head, *lines = (f"| {' | '.join(row)} |\n" for row in (heads, *rows))
-    return "".join([head, "|" + "---|" * len(heads) + "\n", *lines])
-
-
 def estimate_cell(
     estimate: Estimate,
     scale: float,
@@ -74,11 +66,3 @@ def estimate_cell(
     if not np.isfinite(estimate.high):
         return f"{value}\n[bright_black]> {scale * estimate.low:.{digits}f}[/]"
     return f"{value}\n[bright_black]±{scale * (estimate.high - estimate.low) / 2:.{digits}f}[/]"
-
-
-def in_brackets(estimate: Estimate, digits: int, sign: str = "") -> str:
-    """Return the value of an estimate with its confidence interval in one line; "+" shows the
-    signs.
-    """
-    value, low, high = (f"{number:{sign}.{digits}f}" for number in vars(estimate).values())
-    return f"{value} [{low}, {high}]" if np.isfinite(estimate.value) else "not reached"

@@ -9,7 +9,7 @@ from scipy.special import softmax
 
 from agents.evaluation.cells import filled_table
 from agents.evaluation.task import Task
-from agents.figures.tracks import UNDECIDED, TrackRecord
+from agents.figures.tracks import UNDECIDED
 from agents.interface.output_files import finite
 from baselines.rules.decider import ANNOUNCED
 from baselines.scoring.statements import Statements, measure_statements
@@ -21,8 +21,8 @@ from hybrid_env.rendering.history import History
 def episode_table(task: Task, title: str, history: History) -> Table:
     """Return a table of an episode that has just ended, with one row for each segment."""
     announced = task.switches == ANNOUNCED
-    timeline = (_declared if announced else _stated)(task, history)
-    decided = timeline["modes"] != UNDECIDED if announced else timeline["right"]
+    decisions = timeline(task, history)
+    decided = decisions["modes"] != UNDECIDED if announced else decisions["right"]
     bounds = [*history.switches.tolist(), len(history.stated)]
     rows = []
     for number, (first, end) in enumerate(pairwise(bounds)):
@@ -31,33 +31,29 @@ def episode_table(task: Task, title: str, history: History) -> Table:
             mode_name(int(each), task.options.all_modes)
             for each in (history.true_modes[first], mode)
         )
-        verdict = "[green]correct[/]" if timeline["right"][end - 1] else "[red]wrong[/]"
+        verdict = "[green]correct[/]" if decisions["right"][end - 1] else "[red]wrong[/]"
         until = str(decided[first:end].argmax()) if decided[first:end].any() else "all"
         rows.append((str(number + 1), *modes, verdict, f"{until} of {end - first}"))
     words = (
-        ("decided", "undecided", "") if announced else ("last", "not right", timeline["summary"])
+        ("decided", "undecided", "") if announced else ("last", "not right", decisions["summary"])
     )
     heads = ("segment", "true mode", f"{words[0]} mode", "decision", f"ticks\n{words[1]}")
     return filled_table(title, heads, rows, words[2], texts=4)
 
 
-def track_record(task: Task, history: History, **common: Any) -> TrackRecord:
-    """Return what was declared or stated in an episode, for a figure; `common` has the other
-    attributes.
-    """
-    timeline = _declared if task.switches == ANNOUNCED else _stated
-    return TrackRecord(**common, **timeline(task, history))
+def timeline(task: Task, history: History) -> dict[str, Any]:
+    """Return what was declared or stated in an episode: attributes of `TrackRecord`."""
+    return (_declared if task.switches == ANNOUNCED else _stated)(task, history)
 
 
 def page_data(task: Task, history: History, rewards: FloatArray) -> dict[str, Any]:
     """Return what the page of an episode shows of a decider, as lists: modes, outcomes, delays so
     far, rewards so far, estimates and posteriors of every tick, and the ticks of the decisions.
     """
-    announced = task.switches == ANNOUNCED
-    timeline = (_declared if announced else _stated)(task, history)
-    modes, marks, decided = timeline["modes"], timeline["marks"], timeline["right"]
+    decisions = timeline(task, history)
+    modes, marks, decided = decisions["modes"], decisions["marks"], decisions["right"]
     evidence = history.evidence.T
-    if announced:
+    if task.switches == ANNOUNCED:
         decided = modes != UNDECIDED
         # A declaration is shown at its tick.
         modes[marks] = [decision.mode for decision in history.decisions]
@@ -66,7 +62,7 @@ def page_data(task: Task, history: History, rewards: FloatArray) -> dict[str, An
     delays = [np.cumsum(~np.logical_or.accumulate(segment)) for segment in segments]
     arrays = {
         "modes": modes,
-        "right": timeline["right"],
+        "right": decisions["right"],
         "delays": np.concatenate(delays),
         "rewards": np.cumsum(rewards),
         "estimates": history.points("estimate_").T,

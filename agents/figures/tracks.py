@@ -14,8 +14,9 @@ from numpy.typing import ArrayLike
 
 from agents.figures.canvas import DARK_GREY, GREY, legend_beside, new_canvas, plain_axes
 from agents.figures.decider_colours import decider_styles
-from hybrid_env.checks import BoolArray, FloatArray, IntArray
+from hybrid_env.checks import BoolArray, IntArray
 from hybrid_env.rendering.evidence import Modes, listed, mode_colour, mode_name
+from hybrid_env.rendering.history import History
 
 # In place of a mode at ticks before a declaration.
 UNDECIDED = -1
@@ -28,12 +29,8 @@ class TrackRecord:
 
     # Of the decider.
     name: str
-    # (T, 2) positions [m]
-    truth: FloatArray
-    # Likewise.
-    measurements: FloatArray
-    # (T,) true mode of each tick.
-    true_modes: IntArray
+    # Of the episode.
+    history: History
     # (T,) declared or stated mode of each tick, `UNDECIDED` before a declaration.
     modes: IntArray
     # (T,) whether the decision of the tick, or of its segment, is right.
@@ -42,8 +39,6 @@ class TrackRecord:
     marks: IntArray
     # (K,) 0-based first tick of each segment if the switches are announced, else empty.
     switches: IntArray
-    # (T, 2) estimated positions [m]
-    estimates: FloatArray
     # Figures of the decider on this track.
     summary: str
 
@@ -55,10 +50,12 @@ def track_figure(records: Sequence[TrackRecord], modes: Modes, title: str) -> Fi
     canvas = new_canvas((12, 8))
     track, timeline = canvas.subplots(2, 1, height_ratios=(3, 0.5 + 0.3 * len(records)))
     first = records[0]
+    truth = first.history.points()
+    true_modes = first.history.true_modes
     colours = [mode_colour(mode, modes) for mode in range(len(listed(modes)))]
-    rows = {"true mode": first.true_modes} | {record.name: record.modes for record in records}
+    rows = {"true mode": true_modes} | {record.name: record.modes for record in records}
     wrong = {record.name: ~record.right & (record.modes != UNDECIDED) for record in records}
-    edges = np.arange(len(first.truth) + 1)
+    edges = np.arange(len(truth) + 1)
     draw_timelines(timeline, edges, rows, colours, "tick", wrong=wrong, breaks=first.switches)
     shown = np.unique(np.concatenate(list(rows.values()))).tolist()
     patches = [
@@ -68,29 +65,31 @@ def track_figure(records: Sequence[TrackRecord], modes: Modes, title: str) -> Fi
         for mode in shown
     ]
     legend_beside(timeline, handles=[*patches, wrong_patch("wrong mode")])
-    steps = np.stack([first.truth[:-1], first.truth[1:]], axis=1)
-    shades = [colours[mode] for mode in first.true_modes[1:]]
+    steps = np.stack([truth[:-1], truth[1:]], axis=1)
+    shades = [colours[mode] for mode in true_modes[1:]]
     track.add_collection(LineCollection(steps.tolist(), colors=shades, linewidths=5, alpha=0.4))
     handles = track.plot(
-        *first.measurements[::4].T,
+        *first.history.points("measured_")[::4].T,
         ".",
         color=GREY,
         markersize=2.5,
         label="every fourth measurement",
     )
     if first.switches.size:
-        switches = first.truth[first.switches].T
+        switches = truth[first.switches].T
         handles += track.plot(*switches, "|", color=DARK_GREY, markersize=12, label="mode switch")
     styles = decider_styles(record.name for record in records)
     # Changes of the first and of the second decider may coincide.
     for record, size in zip(records, (12.0, 7.0), strict=False):
         style = styles[record.name]
         label = f"{record.name}: estimate"
-        handles += track.plot(*record.estimates.T, color=style.colour, linewidth=1.2, label=label)
+        handles += track.plot(
+            *record.history.points("estimate_").T, color=style.colour, linewidth=1.2, label=label
+        )
         for right, face, word in ((True, style.colour, "right"), (False, "white", "wrong")):
             ticks = record.marks[record.right[record.marks] == right]
             handles += track.plot(
-                *record.truth[ticks].T,
+                *truth[ticks].T,
                 linestyle="none",
                 marker=style.marker,
                 markersize=size,

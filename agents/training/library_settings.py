@@ -5,7 +5,7 @@ libraries.
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal
 
 from annotated_types import Interval, Len
 
@@ -29,7 +29,7 @@ class LibrarySettings(Checked):
     # Constant, or "lin_" and the initial value for linear decay to zero.
     learning_rate: LearningRate
     # Class of the policy.
-    policy: str
+    policy: Literal["MlpPolicy"]
     policy_kwargs: Mapping[str, Any] = field(default_factory=dict)
     # Discount factor.
     gamma: Factor = 1.0
@@ -39,8 +39,6 @@ class LibrarySettings(Checked):
     # Names of the observed quantities, see `ObservationFeatures`; all if empty.
     observe: tuple[str, ...] = ()
 
-    policy_name: ClassVar[str] = "MlpPolicy"
-    """The only value of `policy`."""
     network: ClassVar[Mapping[str, Any]] = {
         "net_arch": Annotated[tuple[Layer, ...], Len(1, 8)],
         "ortho_init": bool,
@@ -49,8 +47,6 @@ class LibrarySettings(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.policy != self.policy_name:
-            raise reject("policy", self.policy, self.policy_name)
         self.check_network(self.policy_kwargs)
 
     @classmethod

@@ -14,9 +14,10 @@ import pandas as pd
 from matplotlib import colormaps
 from matplotlib.figure import Figure
 
-from agents import find_decider, in_brackets, markdown_table, select_threshold, sweep, task_of
+from agents import find_decider, select_threshold, sweep, task_of
 from hybrid_env import RandomScheme
 from studies.pictures import draw_estimates
+from studies.results import in_brackets, markdown_table
 
 Row = dict[str, Any]
 

@@ -9,10 +9,11 @@ from typing import Annotated
 import tyro
 from rich.progress import track
 
-from agents import markdown_table, run_command
+from agents import run_command
 from studies.league.families import families_tables, play_family
 from studies.league.protocol import EPISODES, play, read_entry
 from studies.league.table import league_figure, league_tables, shipped_entries, world_table
+from studies.results import markdown_table
 
 
 @dataclass(kw_only=True)

@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from agents import in_brackets, markdown_table
 from studies.limits.study import BANKS, Row
+from studies.results import in_brackets, markdown_table
 
 
 def markdown(parts: Mapping[str, Sequence[Row]]) -> str:

@@ -11,7 +11,7 @@ from joblib import delayed
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from agents import find_decider, markdown_table, task_of
+from agents import find_decider, task_of
 from baselines import (
     Estimate,
     Scores,
@@ -23,7 +23,7 @@ from baselines import (
 from hybrid_env import HybridTrackQuickestVectorEnv, QuickestOptions
 from studies.optimum.enumeration import history_posteriors, path_posteriors
 from studies.pictures import draw_estimates
-from studies.results import in_parallel
+from studies.results import in_parallel, markdown_table
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -13,7 +13,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from agents import markdown_table
+from studies.results import markdown_table
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

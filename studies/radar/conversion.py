@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from rich.progress import track
 
-from agents import markdown_table
 from hybrid_env import HybridTrackVectorEnv, Radar
 from studies.radar.flights import FloatArray
+from studies.results import markdown_table
 
 # Largest bend on a track over the range deviation.
 BENDS = (0.01, 0.1, 0.25, 0.5, 1.0, 3.0, 10.0)

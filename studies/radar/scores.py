@@ -8,7 +8,6 @@ import joblib
 import numpy as np
 from matplotlib.figure import Figure
 
-from agents import markdown_table
 from baselines import Estimate, Scores
 from studies.pictures import draw_estimates
 from studies.radar.dataset import HORIZONS, STATISTICS, RadarData, score_estimates
@@ -25,7 +24,7 @@ from studies.radar.filters import (
 from studies.radar.network import filter_with, radar_net
 from studies.radar.radars import NOISE_NAMES, Noise
 from studies.radar.tuning import tune_filters
-from studies.results import in_parallel
+from studies.results import in_parallel, markdown_table
 
 ByNoise = Mapping[Noise, Sequence[Scores]]
 # The filter with which all filters are compared on the same flights. No filter of the thesis has a

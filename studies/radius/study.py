@@ -9,11 +9,10 @@ from joblib import delayed
 from matplotlib.figure import Figure
 from scipy import stats
 
-from agents import markdown_table
 from baselines import Estimate, FixedTimeDecider, OnlineTracker
 from hybrid_env import WorldOptions, simulate
 from studies.pictures import draw_estimates
-from studies.results import in_parallel
+from studies.results import in_parallel, markdown_table
 
 SPEED, RADIUS = 2.0, 5.0
 # Of the bank with several radii.

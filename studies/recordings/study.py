@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from joblib import delayed
 
-from agents import find_decider, in_brackets, markdown_table, track_recording
+from agents import find_decider, track_recording
 from baselines import OnlineTracker, Scores, Statistic, score
 from studies.recordings.objects import TARGETS, SimulatedRecording, record
-from studies.results import in_parallel
+from studies.results import in_brackets, in_parallel, markdown_table
 
 COLUMNS = {
     "right rows": ("agreement", 3),

@@ -6,17 +6,9 @@ from typing import Any
 import pandas as pd
 from joblib import delayed
 
-from agents import (
-    Task,
-    find_decider,
-    in_brackets,
-    markdown_table,
-    select_threshold,
-    sweep,
-    task_of,
-)
+from agents import Task, find_decider, select_threshold, sweep, task_of
 from baselines import Estimate
-from studies.results import in_parallel
+from studies.results import in_brackets, in_parallel, markdown_table
 from studies.shifts.worlds import NOMINAL, draw_worlds, shifted_worlds
 
 # Random worlds are drawn with this seed and those that follow.

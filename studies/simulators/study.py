@@ -10,8 +10,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from agents import find_decider, in_brackets, markdown_table, task_of
+from agents import find_decider, task_of
 from baselines import Estimate, Scores
+from studies.results import in_brackets, markdown_table
 from studies.simulators.worlds import World
 
 SELECTION = 1_000_000_000

@@ -29,12 +29,12 @@ def test_a_recorded_episode_agrees_with_the_evaluation():
     record = record_track("ATE", decider, ENV)
 
     np.testing.assert_array_equal(record.right[record.marks], decisions.correct[2])
-    lengths = np.diff([*record.switches, len(record.truth)])
+    lengths = np.diff([*record.switches, len(record.history.points())])
     np.testing.assert_array_equal(lengths, decisions.length[2])
     undecided = np.add.reduceat(record.modes == UNDECIDED, record.switches)
     np.testing.assert_array_equal(undecided, decisions.ticks[2])
     assert record.summary == f"{decisions.reward[2].mean():+.2f}"
-    error = record.estimates - record.truth
+    error = record.history.points("estimate_") - record.history.points()
     assert (error**2).sum() == pytest.approx(decisions.squared_error[2].sum())
 
 
@@ -54,6 +54,6 @@ def test_a_recorded_track_agrees_with_the_evaluation():
         **STATED,
     )
 
-    np.testing.assert_array_equal(record.right, record.modes == record.true_modes)
+    np.testing.assert_array_equal(record.right, record.modes == record.history.true_modes)
     assert record.right.mean() == pytest.approx(metrics.right[2])
     assert record.summary.startswith(f"{100 * record.right.mean():.1f} % of the ticks right, mean")
