@@ -259,7 +259,7 @@ class Compare(WorldArguments, TrustArguments, Workers):
         index = task.best(selection)
         if self.accuracy is not None:
             index = fastest(selection, self.accuracy)
-        selected = float(selection.curve(task.statistic(task.goal))[index])
+        selected = float(selection.curve(task.statistic("reward"))[index])
         if not self.curves and name != self.deciders[0]:
             decider, index = decider.changed(thresholds=(decider.thresholds[index],)), 0
         scores = sweep(task, decider, episodes, self.seed, scoring)

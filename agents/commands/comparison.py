@@ -73,7 +73,7 @@ class Comparison:
 
     @cached_property
     def best_rule(self) -> Result:
-        """The rule that is best for the goal on the selection episodes; without rules the
+        """The rule with the best reward on the selection episodes; without rules the
         reference.
         """
         rules = [entry for entry in self.entries if not entry.learned]
@@ -97,9 +97,7 @@ class Comparison:
         """
         agents = [entry for entry in self.entries if entry.learned]
         best = max(agents, key=lambda entry: entry.selected) if agents else self.best_rule
-        mine, other = (
-            entry.scores.of(self.plan.task.goal, entry.chosen) for entry in (best, self.entries[0])
-        )
+        mine, other = (entry.scores.of("reward", entry.chosen) for entry in (best, self.entries[0]))
         return best, int(np.abs(mine - other).argmax())
 
     def as_json(self) -> dict[str, Any]:

@@ -33,7 +33,6 @@ from agents.interface.help_texts import shown_default
 from agents.interface.output_files import atomic_file, finite
 from agents.interface.progress import print_lines, progress_display
 from agents.interface.world_arguments import TrustArguments, WorldArguments
-from baselines.rules.decider import ANNOUNCED
 from baselines.rules.rollout import rollout
 from hybrid_env.checks import ArgumentError, Count, NotNegative, reject
 from hybrid_env.extras import explained
@@ -145,7 +144,7 @@ class Play(WorldArguments, ErrorArguments, TrustArguments):
         names = self.deciders or (task.reference, *task.shipped)[: 2 if self._is_page else 1]
         for name in names:
             check_name(name, task.switches)
-        posteriors = self._is_page and task.switches == ANNOUNCED
+        posteriors = self._is_page and task.waits
         every = [Episodes(task, self.at_error(name), of_filters=posteriors) for name in names]
         console = Console(emoji=False)
         with progress_display(console) as progress:

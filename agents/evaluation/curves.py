@@ -14,7 +14,6 @@ from agents.evaluation.report import Result
 from agents.evaluation.task import EQUAL_WRONG_CHANGES, Task
 from agents.figures.curves import Axis, Curve, Panel, curve_figure
 from agents.figures.decider_colours import decider_styles
-from baselines.rules.decider import ANNOUNCED
 from baselines.scoring.scores import Statistic, mean
 from baselines.scoring.statements import STATISTICS
 from hybrid_env.checks import FloatArray
@@ -161,7 +160,7 @@ def _identification_panels(groups: Groups) -> list[Panel]:
 
 def panels(task: Task, groups: Groups) -> list[Panel]:
     """Return the operating curves of deciders, the reference first."""
-    return (_announced_panels if task.switches == ANNOUNCED else _unknown_panels)(task, groups)
+    return (_announced_panels if task.waits else _unknown_panels)(task, groups)
 
 
 def comparison_figure(task: Task, groups: Groups) -> Figure:
@@ -171,7 +170,7 @@ def comparison_figure(task: Task, groups: Groups) -> Figure:
     variances = " and ".join(f"{variance:g}" for variance in options.variances)
     title = f"{task.title}: {options.hypotheses} hypotheses, R = {variances} m²"
     note = "Filled markers: thresholds selected on other episodes."
-    if task.switches != ANNOUNCED:
+    if not task.waits:
         title += f", segments of {options.law} ticks"
         note += " A switch that is not detected counts until the end of its segment."
     rows = [parts[k : k + 2] for k in range(0, len(parts), 2)]

@@ -11,7 +11,6 @@ from agents.evaluation.cells import filled_table
 from agents.evaluation.task import Task
 from agents.figures.tracks import UNDECIDED
 from agents.interface.output_files import finite
-from baselines.rules.decider import ANNOUNCED
 from baselines.scoring.statements import Statements, measure_statements
 from hybrid_env.checks import FloatArray
 from hybrid_env.rendering.evidence import mode_name
@@ -20,7 +19,7 @@ from hybrid_env.rendering.history import History
 
 def episode_table(task: Task, title: str, history: History) -> Table:
     """Return a table of an episode that has just ended, with one row for each segment."""
-    announced = task.switches == ANNOUNCED
+    announced = task.waits
     decisions = timeline(task, history)
     decided = decisions["modes"] != UNDECIDED if announced else decisions["right"]
     bounds = [*history.switches.tolist(), len(history.stated)]
@@ -43,7 +42,7 @@ def episode_table(task: Task, title: str, history: History) -> Table:
 
 def timeline(task: Task, history: History) -> dict[str, Any]:
     """Return what was declared or stated in an episode: attributes of `TrackRecord`."""
-    return (_declared if task.switches == ANNOUNCED else _stated)(task, history)
+    return (_declared if task.waits else _stated)(task, history)
 
 
 def page_data(task: Task, history: History, rewards: FloatArray) -> dict[str, Any]:
@@ -53,7 +52,7 @@ def page_data(task: Task, history: History, rewards: FloatArray) -> dict[str, An
     decisions = timeline(task, history)
     modes, marks, decided = decisions["modes"], decisions["marks"], decisions["right"]
     evidence = history.evidence.T
-    if task.switches == ANNOUNCED:
+    if task.waits:
         decided = modes != UNDECIDED
         # A declaration is shown at its tick.
         modes[marks] = [decision.mode for decision in history.decisions]

@@ -31,7 +31,7 @@ class Result:
     chosen: int = 0
     # Its name on the command line, or the object itself.
     decider: Any = ""
-    # The goal of the task at that threshold, on the selection episodes.
+    # The mean reward at that threshold, on the selection episodes.
     selected: float = np.nan
     # Run folder of an agent that was trained.
     folder: Path | None = None
@@ -60,11 +60,11 @@ class Result:
         return self.task.estimates(self.scores, self.chosen)
 
     def less(self, other: "Result") -> Estimate | None:
-        """Return the paired difference of the goal to that of another; None to itself."""
+        """Return the paired difference of the reward to that of another; None to itself."""
         if self is other:
             return None
-        goal = self.task.statistic(self.task.goal)
-        return self.scores.difference(other.scores, goal, self.chosen, other.chosen)
+        reward = self.task.statistic("reward")
+        return self.scores.difference(other.scores, reward, self.chosen, other.chosen)
 
     def as_json(self) -> dict[str, Any]:
         """Return the values for `write_json`."""
@@ -79,14 +79,14 @@ def scores_table(results: Sequence[Result], best: Result, title: str, notes: str
     The notes stand before the explanation of the metrics, each line with its end.
     """
     task = best.task
-    goal = next(metric for metric in task.metrics if metric.name == task.goal)
+    reward = next(metric for metric in task.metrics if metric.name == "reward")
     compared = len(results) > 1
     quantiles = "delay_quantiles" in best.scores.extra
     has_bank = any(result.scores.bank for result in results)
     heads = ["decider     ", *["bank\nread"] * has_bank, *(metric.head for metric in task.metrics)]
-    heads += ["delay\n50,90%"] * quantiles + [f"{task.goal}\ndiff."] * compared
+    heads += ["delay\n50,90%"] * quantiles + ["reward\ndiff."] * compared
     if compared:
-        notes += f"diff.: {task.goal} less that of {best.name} on the same episodes.\n"
+        notes += f"diff.: reward less that of {best.name} on the same episodes.\n"
     notes += "± half width of the 95 % confidence interval.\n"
     rows = []
     for result in results:
@@ -101,7 +101,9 @@ def scores_table(results: Sequence[Result], best: Result, title: str, notes: str
         if compared:
             difference = result.less(best)
             cells.append(
-                "" if difference is None else estimate_cell(difference, 1.0, goal.digits, sign="+")
+                ""
+                if difference is None
+                else estimate_cell(difference, 1.0, reward.digits, sign="+")
             )
         decider = f"{escape(result.name)}\n[bright_black]{result.threshold_words}[/]"
         rows.append((decider, *cells))

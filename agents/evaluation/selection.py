@@ -26,7 +26,7 @@ from hybrid_env.quickest_options import QuickestOptions
 
 
 def select_threshold(task: Task, decider: Decider, episodes: int) -> float:
-    """Return the threshold with the best mean of the goal, among a few of a decider.
+    """Return the threshold with the best mean reward, among a few of a decider.
 
     Args:
         task, decider: see `task_of` and `find_decider`.

@@ -67,8 +67,7 @@ class Task(ABC):
     columns: ClassVar[tuple[str, ...]]
     # Figures of a decider at one threshold, in the order of tables.
     metrics: ClassVar[tuple[Metric, ...]]
-    # Figure that thresholds are selected for, and the delay that is traded for errors.
-    goal: ClassVar[str] = "reward"
+    # Figure of the delay that is traded for errors.
     delay: ClassVar[str]
     # Unit of the error rate that a threshold can be chosen for, and the number of episodes that
     # are simulated for it at every threshold.
@@ -174,8 +173,8 @@ class Task(ABC):
         return {metric.name: scores.estimate(metric.statistic, index) for metric in metrics}
 
     def best(self, scores: Scores) -> int:
-        """Return the index of the threshold that is best for the goal."""
-        return int(scores.curve(self.statistic(self.goal)).argmax())
+        """Return the index of the threshold with the largest mean reward."""
+        return int(scores.curve(self.statistic("reward")).argmax())
 
 
 class AnnouncedTask(Task):

@@ -27,13 +27,6 @@ STYLES = tuple(
 )
 
 
-def name_without_seed(name: str) -> str:
-    """Name of a decider without the seed of its training: "ppo seed 1" and "ppo-seed1" become
-    "ppo".
-    """
-    return re.sub(r"[ -]seed ?\d+$", "", name)
-
-
 def decider_styles(names: Iterable[str]) -> dict[str, DeciderStyle]:
     """Styles of the deciders of one figure by their names in tables: a name always gets the same
     style, and the next one of another colour where an earlier name of the figure has it.
@@ -43,7 +36,7 @@ def decider_styles(names: Iterable[str]) -> dict[str, DeciderStyle]:
     """
     styles: dict[str, DeciderStyle] = {}
     for name in names:
-        recipe = re.sub(r"^.*-v\d+-", "", name_without_seed(name))
+        recipe = re.sub(r"^.*-v\d+-|[ -]seed ?\d+$", "", name)
         start = zlib.crc32(recipe.encode()) % len(STYLES)
         colours = [style.colour for style in styles.values()]
         # The first one of those that are used least.

@@ -118,7 +118,7 @@ def respond(road: Road, level: str, episodes: int, seed: int) -> list[Row]:
     The gap is the reward less that of this rule on the same episodes; None in its own row.
     """
     task = task_of(road.env_id)
-    goal = task.statistic(task.goal)
+    goal = task.statistic("reward")
     world, model = (task.changed(options) for options in road.levels[level])
     rules = []
     for name in road.rules:

@@ -92,7 +92,7 @@ def play_world(name: str, world: str, episodes: int) -> dict[str, Any]:
         "metrics": {
             metric.name: scores.estimate(metric.statistic).as_json() for metric in task.metrics
         },
-        "rewards": pack(scores.of(task.goal, 0)),
+        "rewards": pack(scores.of("reward", 0)),
     }
 
 

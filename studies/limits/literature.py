@@ -94,7 +94,7 @@ def published_rules(noise: float, episodes: int, seed: int) -> list[Row]:
         decider = find_decider(rule.name, task.options)
         alphas = ALPHAS if rule.apart else decider.thresholds
         tried = [decider.changed(beta=beta) for beta in BETAS] if rule.apart else [decider]
-        reward = task.statistic(task.goal)
+        reward = task.statistic("reward")
         earned = [
             sweep(
                 task,

@@ -128,7 +128,7 @@ def step_rows(
     scores that the step is compared with, by default those of the step before.
     """
     others = compared or [None, *steps.values()]
-    reward = task.statistic(task.goal)
+    reward = task.statistic("reward")
     return [
         {
             "place": place,

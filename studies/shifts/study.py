@@ -66,7 +66,7 @@ def evaluate_world(
     environment and once of the nominal one. Rules that are fitted to an environment are fitted
     here. The row of the first has its differences to the best of the others.
     """
-    goal = task.statistic(task.goal)
+    goal = task.statistic("reward")
     every = []
     for name, nominal in usual.items():
         decider = find_decider(name, task.options)
