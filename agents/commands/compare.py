@@ -313,7 +313,7 @@ class Compare(WorldArguments, TrustArguments, Workers):
         for entry in dict.fromkeys((result.entries[0], best)):
             name = entry.decider if entry.folder is None else str(entry.folder)
             decider = find_decider(name, task.options).at(entry.threshold)
-            episodes = Episodes(task, entry.name, decider, decider.options)
+            episodes = Episodes(task, entry.name, decider)
             # Matplotlib would read it as a formula.
             records.append(episodes.record(entry.name.replace("$", r"\$"), seed))
         title = f"{task.title}, seed {seed}"

@@ -47,9 +47,9 @@ PAGE = Path(__file__).with_name("episode.html")
 
 
 class Episodes:
-    """Episodes of a decider on one track; `decider` replaces that of the name, and needs
-    `changes` of the options. `of_filters` keeps the evidence of the filters in the history in place
-    of what the decider compares with its threshold.
+    """Episodes of a decider on one track; `decider` replaces that of the name. `of_filters` keeps
+    the evidence of the filters in the history, in place of what the decider compares with its
+    threshold.
     """
 
     def __init__(
@@ -57,12 +57,9 @@ class Episodes:
         task: Task,
         name: str,
         decider: Any = None,
-        changes: Any = None,
         of_filters: bool = False,
     ):
-        changes = dict(changes or {})
-        if decider is None:
-            changes = find_decider(name, task.options).options | changes
+        changes = dict((decider or find_decider(name, task.options)).options)
         if getattr(task.options, "actions", "all") == "types":
             # Deciders declare hypotheses.
             changes["actions"] = "all"

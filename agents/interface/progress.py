@@ -123,23 +123,21 @@ class ProgressLines(Progress):
 class Report:
     """Says how far a call is, in a file of one line: the call may run in another process."""
 
-    # None for a call that is not shown.
-    path: Path | None = None
+    path: Path
 
     def __call__(self, label: str, share: float, whole: float) -> None:
         """Say what runs now, which share of it is done, and which share of the whole call."""
-        if self.path is not None:
-            # On another machine the folder does not exist.
-            with suppress(OSError):
-                part = self.path.with_suffix(".part")
-                part.write_text(f"{share} {whole} {label}", encoding="utf-8")
-                # A reader never sees half of a line.
-                part.replace(self.path)
+        # On another machine the folder does not exist.
+        with suppress(OSError):
+            part = self.path.with_suffix(".part")
+            part.write_text(f"{share} {whole} {label}", encoding="utf-8")
+            # A reader never sees half of a line.
+            part.replace(self.path)
 
     def read(self) -> tuple[str, float, float] | None:
         """Return what was said last; None if nothing was."""
         try:
-            share, whole, label = str(self.path and self.path.read_text("utf-8")).split(" ", 2)
+            share, whole, label = self.path.read_text("utf-8").split(" ", 2)
             return label, float(share), float(whole)
         except (OSError, ValueError):
             return None

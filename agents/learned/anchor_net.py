@@ -162,7 +162,7 @@ class StoppingNet(nn.Module):
 class AnchorNetworks(nn.Module):
     """The networks of the agent, with `hidden` units in each layer."""
 
-    def __init__(self, hidden: int = 64):
+    def __init__(self, hidden: int):
         super().__init__()
         self.anchor = AnchorNet(hidden)
         self.regret = RegretNet(hidden)

@@ -176,12 +176,15 @@ class ActorDecider(NetworkDecider):
     def __init__(self, actor: Actor, types: IntArray, threshold: float = 0.0):
         super().__init__(threshold)
         self.actor = actor
-        self.hypotheses: int = LAYOUTS[self.task].of_width(actor.width).hypotheses
-        # (M,) of the hypotheses, and the number of actions that wait or declare a type.
-        self.types, self.type_actions = types, types.max() + 2
-        allowed = (2, self.type_actions, self.hypotheses + 1)
-        if actor.actions not in ((self.hypotheses,) if self.task == UNKNOWN else allowed):
-            raise reject("actions", actor.actions, f"those of {self.hypotheses} hypotheses")
+        M: int = LAYOUTS[self.task].of_width(actor.width).hypotheses
+        self.hypotheses = M
+        # By the number of actions: that of each hypothesis, besides the one that waits.
+        choices = {2: np.zeros(M, np.int64), types.max() + 2: types, M + 1: np.arange(M)}
+        if self.task == UNKNOWN:
+            choices = {M: np.arange(M)}
+        if actor.actions not in choices:
+            raise reject("actions", actor.actions, f"those of {M} hypotheses")
+        self.choices = choices[actor.actions]
         self.generator = np.random.default_rng(0)
         if actor.values:
             self.symbol = "value difference"
@@ -248,14 +251,10 @@ class PolicyDecider(ActorDecider):
     def choose(self, logits: FloatArray, observation: Observations, deterministic: bool) -> Actions:
         if not deterministic:
             logits = self.sample(logits)
-        declare = logits[:, 1:].argmax(1)
-        odds = logits[np.arange(len(logits)), declare + 1] - logits[:, 0]
+        best = logits[:, 1:].argmax(1)
+        odds = logits[np.arange(len(logits)), best + 1] - logits[:, 0]
         log_ratio = Layout.of_rows(observation).read(observation, "log_ratio")
-        if logits.shape[1] == 2:
-            declare = log_ratio.argmax(-1)
-        elif logits.shape[1] == self.type_actions:
-            of_type = self.types == declare[:, None]
-            declare = np.where(of_type, log_ratio, -np.inf).argmax(-1)
+        declare = np.where(self.choices == best[:, None], log_ratio, -np.inf).argmax(-1)
         return np.where(odds > (self.threshold if deterministic else 0.0), declare + 1, 0)
 
     def panel(self) -> EvidencePanel:
@@ -272,10 +271,7 @@ class PolicyDecider(ActorDecider):
     ) -> FloatArray:
         """Return the log-odds of declaring each hypothesis against waiting, (N, M)."""
         logits = self.logits(observation, state, episode_start)[0]
-        odds = logits[:, 1:] - logits[:, :1]
-        if logits.shape[1] == self.type_actions:
-            return odds[:, self.types]
-        return np.broadcast_to(odds, (len(logits), self.hypotheses))
+        return (logits[:, 1:] - logits[:, :1])[:, self.choices]
 
 
 class StatementPolicyDecider(ActorDecider):
