@@ -13,7 +13,7 @@ from typing import Annotated, Any, ClassVar
 
 from agents.interface.help_texts import ENVIRONMENT, field_texts, shown_default
 from agents.interface.input_files import read_json
-from hybrid_env.checks import reject, unknown
+from hybrid_env.checks import declared_fields, reject, unknown
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.registration import ENVIRONMENTS, environment_options
@@ -164,4 +164,4 @@ def read_card(decider: str) -> tuple[str, dict[str, Any]] | None:
 
 def option_names(env_id: str) -> set[str]:
     """Return the names of the options of a registered id."""
-    return {field.name for field in dataclasses.fields(environment_options(env_id))}
+    return set(declared_fields(environment_options(env_id)))

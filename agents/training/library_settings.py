@@ -2,7 +2,6 @@
 libraries.
 """
 
-import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar, Literal
@@ -10,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from annotated_types import Interval, Len
 
 from agents.training.settings import Factor, LearningRate
-from hybrid_env.checks import Checked, Count, checked, reject
+from hybrid_env.checks import Checked, Count, checked, declared_fields, reject
 
 # Units of a layer, of which a file may not ask for more.
 Layer = Annotated[int, Interval(ge=1, le=1024)]
@@ -63,9 +62,6 @@ class LibrarySettings(Checked):
     @property
     def keywords(self) -> dict[str, Any]:
         """Plain keywords of the algorithm."""
-        ours = {setting.name for setting in dataclasses.fields(LibrarySettings)} | {"reward_scale"}
-        return {
-            setting.name: getattr(self, setting.name)
-            for setting in dataclasses.fields(self)
-            if setting.name == "gamma" or setting.name not in ours
-        }
+        ours = declared_fields(LibrarySettings).keys() | {"reward_scale"}
+        names = (declared_fields(type(self)).keys() - ours) | {"gamma"}
+        return {name: getattr(self, name) for name in names}

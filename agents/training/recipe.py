@@ -7,7 +7,6 @@ algorithm. `lin_6e-3` is a learning rate that decays linearly. Unlike in the zoo
 evaluated as Python.
 """
 
-import dataclasses
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -16,7 +15,7 @@ from typing import Any
 
 from agents.algorithms import find_algorithm
 from agents.interface.input_files import parse_yaml, read_text
-from hybrid_env.checks import check_integer, reject, unknown
+from hybrid_env.checks import check_integer, declared_fields, reject, unknown
 
 FOLDER = Path(__file__).parent / "recipes"
 # Ends of the names of files of recipes.
@@ -93,8 +92,8 @@ def recipe_of(name: str, entry: Mapping[str, Any]) -> Recipe:
     algo = entry.pop("algo", None)
     kind = find_algorithm(algo).Settings
     steps = check_integer("n_timesteps", entry.pop("n_timesteps", None), maximum=10**12)
-    known = [field.name for field in dataclasses.fields(kind)]
-    for key in entry.keys() - set(known):
+    known = declared_fields(kind)
+    for key in entry.keys() - known.keys():
         raise unknown("set", key, known)
     try:
         settings = kind(**entry)

@@ -2,7 +2,6 @@
 and an agent in training that explores them.
 """
 
-import dataclasses
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -18,7 +17,16 @@ from agents.training.settings import NetworkSettings
 from baselines.rules import seeds
 from baselines.rules.decider import Actions, Decider, Observations
 from baselines.rules.rollout import Tick, rollout
-from hybrid_env.checks import BoolArray, Checked, Count, FloatArray, Share, reject
+from hybrid_env.checks import (
+    BoolArray,
+    Checked,
+    Count,
+    FloatArray,
+    Share,
+    declared_fields,
+    reject,
+    unknown,
+)
 from hybrid_env.options import WorldOptions
 from hybrid_env.registration import make_vector_env
 from hybrid_env.vector_env import HybridTrackVectorEnv
@@ -37,10 +45,9 @@ class TrainingWorld(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        known = {option.name for option in dataclasses.fields(WorldOptions)}
-        for name in self.options:
-            if name not in known:
-                raise reject("option", name, "an option of the environment")
+        known = declared_fields(WorldOptions)
+        for name in self.options.keys() - known.keys():
+            raise unknown("option", name, known)
 
 
 @dataclass(frozen=True, kw_only=True)
