@@ -49,7 +49,7 @@ class StatementSettings(ExpectedRewardSettings):
     n_envs: Count
     # Tracks of an update.
     batch_size: Count
-    # Smallest and largest factor of the measurement variance of the environment.
+    # Bounds of a factor of the measurement variance of the environment.
     variances: Factors = (1.0, 1.0)
     # Likewise of its radii.
     radii: Factors = (1.0, 1.0)
@@ -148,7 +148,7 @@ class Statements(ExpectedRewardAlgorithm):
         """Return the options of an environment of a round, by its number in the round."""
         law = self.settings.durations[number]
         variance, radius = (
-            log_uniform(generator, *factors)
+            log_uniform(generator, *sorted(factors))
             for factors in (self.settings.variances, self.settings.radii)
         )
         variances = tuple(variance * self.world.variances)

@@ -35,7 +35,7 @@ class StoppingSettings(WorldsSettings):
     batch_size: Count
     # Times that the segments of a round are used.
     passes: Count
-    # Smallest and largest delay cost; half of the environments have one drawn between them.
+    # Bounds of the delay cost; half of the environments have one drawn between them.
     delay_costs: Factors = (0.003, 0.05)
     # Agent whose other networks are used, with as many hidden units; or its run folder.
     agent: str = "shipped"
@@ -66,7 +66,7 @@ class Stopping(WorldsAlgorithm):
         """See `WorldsAlgorithm.changed_world`: half of the environments have another delay cost."""
         if generator.random() >= 0.5:
             return world
-        cost = float(log_uniform(generator, *self.settings.delay_costs))
+        cost = float(log_uniform(generator, *sorted(self.settings.delay_costs)))
         return WorldOptions(**{**vars(world), "delay_cost": cost})
 
     def draw_margins(self, generator: np.random.Generator, tracks: int) -> FloatArray:

@@ -8,18 +8,17 @@ from annotated_types import Interval
 
 from hybrid_env.checks import Checked, Positive, checked, reject
 
+Factor: TypeAlias = Annotated[float, Interval(gt=0.0, le=1.0)]
+
 
 def learning_rate_schedule(value: Any, name: str = "learning_rate") -> tuple[float, bool]:
     """Return the initial learning rate, in (0, 1], and whether it decays linearly, with "lin_"
     before it.
     """
     decays = isinstance(value, str) and value.startswith("lin_")
-    rate = value
-    if isinstance(value, str):
-        with suppress(ValueError):
-            rate = float(value.removeprefix("lin_"))
     with suppress(ValueError):
-        return checked(name, rate, Annotated[float, Interval(gt=0.0, le=1.0)]), decays
+        rate = float(value.removeprefix("lin_")) if isinstance(value, str) else value
+        return checked(name, rate, Factor), decays
     raise reject(name, value, "a number > 0 and <= 1, or lin_ and such a number")
 
 
@@ -29,17 +28,8 @@ def check_rate(value: Any, name: str) -> str | float:
     return value
 
 
-def two_factors(value: Any, name: str) -> tuple[float, float]:
-    """Return two factors, the smaller one first; refuse others."""
-    low, high = checked(name, value, tuple[Positive, Positive])
-    if low > high:
-        raise reject(name, value, "two factors, the smaller one first")
-    return low, high
-
-
 LearningRate: TypeAlias = Annotated[str | float, check_rate]
-Factors: TypeAlias = Annotated[tuple[float, float], two_factors]
-Factor: TypeAlias = Annotated[float, Interval(gt=0.0, le=1.0)]
+Factors: TypeAlias = tuple[Positive, Positive]
 
 
 @dataclass(frozen=True, kw_only=True)
