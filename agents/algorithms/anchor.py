@@ -153,12 +153,8 @@ def anchor_errors(env: HybridTrackVectorEnv, tracks: IntArray, before: FloatArra
     last = env.world.field("trace_length")[tracks] - 2
     anchor = env.world.field("anchor")[tracks]
     truth = np.where((last < 0)[:, None], before, env.world.trace[tracks, last][:, TRUTH])
-    errors = truth - anchor
-    along = anchor[:, [1, 3]] / np.maximum(np.hypot(anchor[:, 1], anchor[:, 3]), 1e-300)[:, None]
-    across = np.stack([-along[:, 1], along[:, 0]], axis=-1)
-    position = errors[:, [0, 2]]
-    velocity = errors[:, [1, 3]]
-    return np.stack(
-        [(part * axis).sum(-1) for axis in (along, across) for part in (position, velocity)],
-        axis=-1,
-    )
+    # Positions and velocities, (n, 2), as complex numbers.
+    error, state = (each[:, :2] + 1j * each[:, 2:] for each in (truth - anchor, anchor))
+    heading = state[:, 1] / np.maximum(np.abs(state[:, 1]), 1e-300)
+    turned = error * heading.conj()[:, None]
+    return np.hstack([turned.real, turned.imag])

@@ -65,7 +65,7 @@ class Statements(ExpectedRewardAlgorithm):
     """
 
     name = "statements"
-    Settings = StatementSettings
+    Settings: ClassVar[type[StatementSettings]] = StatementSettings
     decider: ClassVar[type[UtilityDecider]] = StatementDecider
     smallest_factor: ClassVar[float] = 0.01
     settings: StatementSettings
@@ -148,7 +148,7 @@ class Statements(ExpectedRewardAlgorithm):
         """Return the options of an environment of a round, by its number in the round."""
         law = self.settings.durations[number]
         variance, radius = (
-            log_uniform(generator, *sorted(factors))
+            log_uniform(generator, min(factors), max(factors))
             for factors in (self.settings.variances, self.settings.radii)
         )
         variances = tuple(variance * self.world.variances)

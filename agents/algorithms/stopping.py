@@ -66,7 +66,8 @@ class Stopping(WorldsAlgorithm):
         """See `WorldsAlgorithm.changed_world`: half of the environments have another delay cost."""
         if generator.random() >= 0.5:
             return world
-        cost = float(log_uniform(generator, *sorted(self.settings.delay_costs)))
+        costs = self.settings.delay_costs
+        cost = float(log_uniform(generator, min(costs), max(costs)))
         return WorldOptions(**{**vars(world), "delay_cost": cost})
 
     def draw_margins(self, generator: np.random.Generator, tracks: int) -> FloatArray:

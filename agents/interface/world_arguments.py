@@ -164,4 +164,5 @@ def read_card(decider: str) -> tuple[str, dict[str, Any]] | None:
 
 def option_names(env_id: str) -> set[str]:
     """Return the names of the options of a registered id."""
-    return set(declared_fields(environment_options(env_id)))
+    kind: Any = environment_options(env_id)
+    return set(declared_fields(kind))

@@ -72,11 +72,10 @@ class AnchorNet(nn.Module):
         """Return the mean negative log-density of whitened errors, (n, 4)."""
         log_weight, mean, factor = self(inputs)
         # A training that diverges is found when it is saved.
-        unchecked = {"validate_args": False}
         mixture = MixtureSameFamily(
-            Categorical(logits=log_weight, **unchecked),
-            MultivariateNormal(mean, scale_tril=factor, **unchecked),
-            **unchecked,
+            Categorical(logits=log_weight, validate_args=False),
+            MultivariateNormal(mean, scale_tril=factor, validate_args=False),
+            validate_args=False,
         )
         return -mixture.log_prob(errors).mean()
 

@@ -56,7 +56,7 @@ def save_policy(
 
 def _scales(task: str) -> dict[str, float] | None:
     layout = LAYOUTS.get(task)
-    return layout and layout.scales_by_name()
+    return None if layout is None else layout.scales_by_name()
 
 
 @dataclass(frozen=True)

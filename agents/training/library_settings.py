@@ -62,6 +62,7 @@ class LibrarySettings(Checked):
     @property
     def keywords(self) -> dict[str, Any]:
         """Plain keywords of the algorithm."""
-        ours = declared_fields(LibrarySettings).keys() | {"reward_scale"}
+        base: Any = LibrarySettings
+        ours = declared_fields(base).keys() | {"reward_scale"}
         names = (declared_fields(type(self)).keys() - ours) | {"gamma"}
         return {name: getattr(self, name) for name in names}

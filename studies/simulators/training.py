@@ -96,7 +96,9 @@ def draw_options(generator: Generator, options: QuickestOptions) -> QuickestOpti
     )
 
 
-def inexact_travel(options: QuickestOptions, tracks: int, seed: int) -> tuple[NDArray[Any], ...]:
+def inexact_travel(
+    options: QuickestOptions, tracks: int, seed: int
+) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
     """Return paths of objects that move otherwise than told; the modes are those of the
     environment.
 
