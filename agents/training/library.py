@@ -73,14 +73,7 @@ class RunWriter(TensorBoardOutputFormat):
         # Counted from the last start.
         values.pop("time/iterations", None)
         run_folder.append_metrics(self.folder, step, values)
-        try:
-            super().write(key_values, key_excluded, step)
-        except OSError as error:
-            raise reject(
-                "run",
-                str(self.folder),
-                f"a folder that can be written ({error.strerror})",
-            ) from None
+        super().write(key_values, key_excluded, step)
 
     def close(self) -> None:
         """Close the file."""

@@ -44,8 +44,8 @@ class HybridTrackVecEnv(VecEnv):
 
     def __init__(
         self,
-        env_id: str = "hybrid_env:HybridTrack-v0",
-        num_envs: int = 64,
+        env_id: str,
+        num_envs: int,
         reward_scale: float = 1.0,
         **options: Any,
     ):
