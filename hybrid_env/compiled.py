@@ -7,6 +7,8 @@ from hybrid_env.core.banks import published
 from hybrid_env.core.banks.anchor_aware import begin_hypothesis as begin_hypothesis
 from hybrid_env.core.banks.anchor_aware import covariance_of as covariance_of
 from hybrid_env.core.banks.anchor_aware import sense_hypothesis as sense_hypothesis
+from hybrid_env.core.banks.anchor_aware import set_state as set_state
+from hybrid_env.core.banks.anchor_aware import state_of as state_of
 from hybrid_env.core.banks.bank import IDENTITY as IDENTITY
 from hybrid_env.core.banks.bank import FilterModel as FilterModel
 from hybrid_env.core.banks.bank import bank_arrays as bank_arrays
@@ -41,6 +43,7 @@ from hybrid_env.core.memory import State as State
 from hybrid_env.core.memory import Triangle4 as Triangle4
 from hybrid_env.core.memory import aligned_zeros as aligned_zeros
 from hybrid_env.core.memory import lanes_of as lanes_of
+from hybrid_env.core.memory import triangle_of as triangle_of
 from hybrid_env.core.observation_row import LOG_FLOOR as LOG_FLOOR
 from hybrid_env.core.polar import position_noise as position_noise
 

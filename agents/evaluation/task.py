@@ -17,7 +17,7 @@ from baselines.rules import seeds
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, Decider, rules
 from baselines.rules.rollout import (
     batch_size,
-    evaluate_batch,
+    evaluate,
     record_in,
     statement_env,
 )
@@ -224,7 +224,7 @@ class AnnouncedTask(Task):
         self, decider: Decider, episodes: int, seed: int, on_progress: OnProgress
     ) -> list[Recorded]:
         options = {**self.given, **decider.options}
-        made = evaluate_batch(decider, self.env_id, episodes, seed, on_progress, options)
+        made = evaluate(decider, self.env_id, episodes, seed, on_progress, **options)
         modes = np.stack([made.true_mode.ravel(), made.decided_mode.ravel()], axis=1)
         return [(made.values, {"modes": modes})]
 

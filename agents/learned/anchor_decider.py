@@ -25,11 +25,9 @@ from agents.learned.anchor_inputs import (
 from agents.learned.anchor_net import AnchorNet, AnchorNetworks
 from agents.learned.torch_defaults import NetworkDecider
 from baselines.rules.component_filters import (
-    ANCHOR_COLUMNS,
+    Anchors,
     ComponentFilters,
-    anchor_rows,
-    joint_posterior,
-    stated_covariance,
+    stated_anchors,
 )
 from baselines.rules.decider import Actions, Observations
 from baselines.rules.measurements import observe_sensed, split_sensed
@@ -56,7 +54,6 @@ class AnchorState:
         self.world = world
         M, C = world.hypotheses, AnchorNet.components
         self.filters = ComponentFilters("anchor_aware", C, tracks, world, robust=True)
-        self.log_weights = np.zeros((tracks, C))
         # An episode starts with the next first tick of a segment, (N,), and with this row.
         self.starting = np.ones(tracks, np.bool_)
         self.first = np.zeros(tracks, np.bool_)
@@ -80,7 +77,7 @@ class AnchorState:
         sensed: FloatArray | None,
     ) -> None:
         """Process one row of every track; `sensed` is what the sensors measured, see
-        `sensed_of`.
+        `split_sensed`.
         """
         if episode_start is not None:
             self.starting = self.starting | episode_start
@@ -88,13 +85,9 @@ class AnchorState:
         begins = before[:, 0] < 1.5
         self.first = self.starting & begins
         self.starting = self.starting & ~self.first
-        anchors = np.zeros((net.components, len(begins), ANCHOR_COLUMNS))
-        log_weights = self.log_weights.copy()
-        self.anchors = None
-        if begins.any():
-            anchors[:, begins] = self._anchors(net, ratios, begins)
-        self.filters.advance(ratios.rows, begins, anchors, log_weights, self.first, sensed)
-        share = joint_posterior(self.filters.log_likelihood, self.log_weights)
+        started = self._anchors(net, ratios, begins)
+        self.filters.advance(ratios.rows, begins, started, self.first, sensed)
+        share = self.filters.posterior
         self.posterior = share.sum(0)
         self.components = share.sum(-1).T
         innovations = (share[..., None] * self.filters.innovations).sum(0)
@@ -102,25 +95,24 @@ class AnchorState:
         self.bias = bias_of_bank(ratios, self.innovations)
         self.before, self.ratios = before, ratios
 
-    def _anchors(self, net: AnchorNet, ratios: RowRatios, begins: BoolArray) -> FloatArray:
-        """Return the anchors (C, n, 14) of the tracks that begin a segment, and set their
-        weights.
-        """
-        rows, layout = ratios.rows, ratios.layout
-        self.log_weights[begins] = np.where(np.arange(net.components) == 0, 0.0, -1e3)
-        mean = np.zeros((len(rows), net.components, 4))
-        covariance = np.repeat(stated_covariance(layout, rows)[:, None], net.components, axis=1)
-        later = np.flatnonzero(begins & ~self.first)
+    def _anchors(self, net: AnchorNet, ratios: RowRatios, begins: BoolArray) -> Anchors:
+        """Return the anchors of the tracks that begin a segment."""
+        begun = np.flatnonzero(begins)
+        started = stated_anchors(ratios.layout, ratios.rows[begun], net.components)
+        self.anchors = None
+        later = np.flatnonzero(~self.first[begun])
         if later.size:
-            ratios = RowRatios(self.world, rows[later])
-            past = (getattr(self, name)[later] for name in ("components", "bias", "before"))
-            posterior = self.posterior[later]
+            tracks = begun[later]
+            ratios = RowRatios(self.world, ratios.rows[tracks])
+            past = (getattr(self, name)[tracks] for name in ("components", "bias", "before"))
+            posterior = self.posterior[tracks]
             side = declared_side(ratios, posterior)
             inputs = anchor_inputs(ratios, side, posterior, *past)
             factor = stated_factor(ratios, side)
-            self.log_weights[later], mean[later], covariance[later] = net.anchors(inputs, factor)
-            self.anchors = inputs, factor, later
-        return anchor_rows(layout, rows[begins], mean[begins], covariance[begins])
+            for values, predicted in zip(started, net.anchors(inputs, factor), strict=True):
+                values[later] = predicted
+            self.anchors = inputs, factor, tracks
+        return started
 
     @property
     def heavy_tails(self) -> FloatArray:

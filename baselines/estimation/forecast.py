@@ -1,14 +1,14 @@
 """Forecasts of the position with their covariances, as long as the mode does not change."""
 
-import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from baselines.estimation.imm import mixture
 from baselines.estimation.turns import begin_standing, begin_turn, predict_turn
 from hybrid_env.checks import FloatArray, Moments, PositiveOrZero, check_array, checked, reject
-from hybrid_env.compiled import compiled, prepare
+from hybrid_env.compiled import compiled, prepare, turn_coefficients
 
 
 def forecast(
@@ -69,7 +69,7 @@ def forecast_turns(
     m modes of motion, whose states (7,) and covariances (7, 7) are those of `turns`.
     """
     times = check_times(seconds)
-    share = weights / weights.sum()
+    share = np.broadcast_to(weights / weights.sum(), (len(times), 1, len(turns)))
     means = np.empty((len(turns), len(times), 2))
     covariances = np.empty((len(turns), len(times), 2, 2))
     for mode, moments in enumerate(turns):
@@ -77,10 +77,8 @@ def forecast_turns(
         arguments = *moments, times, model.tau, model.process_variance, *to
         prepare(_forecast, *arguments)
         _forecast(*arguments)
-    mean = np.einsum("m,mki->ki", share, means)
-    apart = means - mean
-    within = np.einsum("m,mkij->kij", share, covariances)
-    return mean, within + np.einsum("m,mki,mkj->kij", share, apart, apart)
+    mean, covariance = mixture(means.swapaxes(0, 1), covariances.swapaxes(0, 1), share)
+    return mean[:, 0], covariance[:, 0]
 
 
 @compiled
@@ -102,6 +100,6 @@ def _forecast(
         # A velocity moves the position by its integral, from the tick of its noise on.
         for tick in range(1, int(times[k] / tau + 1e-9) + 1):
             rest = times[k] - tick * tau
-            integral = math.sin(rate * rest) / rate if abs(rate * rest) > 1e-6 else rest
+            integral = turn_coefficients(rate, rest)[1]
             covariances[k, 0, 0] += process_variance * integral**2
             covariances[k, 1, 1] += process_variance * integral**2

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hybrid_env.checks import FloatArray, Moments, OwnState
-from hybrid_env.compiled import compiled, internal, prepare
+from hybrid_env.compiled import compiled, internal, prepare, turn_coefficients
 
 STATES = 7
 # Nodes and weights of the quadrature of Gauss and Hermite for a normal distribution.
@@ -47,15 +47,10 @@ class Turn(NamedTuple):
 @internal
 def turn_matrix(rate: float, seconds: float) -> FloatArray:
     """Return the matrix (6, 6) by which positions, v and u move in a time without noise."""
-    angle = rate * seconds
-    sine = math.sin(angle)
-    half = math.sin(0.5 * angle)
-    # Half angles avoid the cancellation of 1 - cos a.
-    cosine = 1.0 - 2.0 * half * half
-    small = abs(angle) < 1e-6
+    cosine, along, _, rest, _, _, _ = turn_coefficients(rate, seconds)
+    sine = rate * along
     # Integrals of cosine and sine over the time.
-    along = seconds if small else sine / rate
-    across = 0.5 * seconds * angle if small else 2.0 * half * half / rate
+    across = rest / rate if rate != 0.0 else 0.0
     matrix = np.eye(6)
     for k in range(2):
         # A left turn by 90 degrees moves coordinate `other` to k.

@@ -93,13 +93,7 @@ class SensorUnits:
 
     def turn(self, turn: Turn) -> Turn:
         """Return a turn in the units of the measurements."""
-        length, velocity = self.scales[:2].tolist()
-        return Turn(
-            turn.speed / velocity,
-            turn.speed_deviation / velocity,
-            turn.radius / length,
-            turn.radius_deviation / length,
-        )
+        return Turn(*(np.array(turn) / self.scales[[1, 1, 0, 0]]).tolist())
 
     def place(self, estimate: FloatArray) -> tuple[float, float]:
         """Return the position of an estimate (4,) as the sensor measures it."""

@@ -5,14 +5,11 @@ the declaration. Each filter of a decider gives the state of the object if its h
 
 import numpy as np
 
-from baselines.rules.component_filters import (
-    ComponentFilters,
-    anchor_rows,
-    stated_covariance,
-)
+from baselines.estimation.imm import mixture
+from baselines.rules.component_filters import Anchors, ComponentFilters, stated_anchors
 from baselines.rules.decider import Observations
 from baselines.rules.measurements import run_compiled
-from baselines.rules.propagation import STATES, Memory, propagate
+from baselines.rules.propagation import Memory, propagate
 from hybrid_env.checks import AnyArray, BoolArray, FloatArray, IntArray, OwnState
 from hybrid_env.compiled import (
     AWARE_HYPOTHESIS,
@@ -56,10 +53,6 @@ class AnchorErrors(OwnState):
         # (N, 3) sum of the inverse covariances of the measurements of the sensors, times R.
         self.information = np.zeros((tracks, 3))
         self.memory = Memory(
-            np.zeros((2 * STATES, 2 * STATES)),
-            np.zeros(2 * STATES),
-            np.zeros((2, STATES)),
-            np.zeros((5, 2 * STATES)),
             aligned_zeros((1,), AWARE_HYPOTHESIS),
             aligned_zeros((1,), INNOVATION),
             aligned_zeros((1,), MEASURED),
@@ -74,27 +67,12 @@ class AnchorErrors(OwnState):
         sensed: FloatArray | None,
     ) -> None:
         """Start the bank of tracks that begin, (N,), and advance all by a tick of rows; `sensed` is
-        from `sensed_of`.
+        from `split_sensed`.
         """
-        covariance = stated_covariance(self.layout, rows)
+        anchors = stated_anchors(self.layout, rows[begins])
         if self.resets:
-            covariance[:] = np.eye(4)
-        mean = np.zeros((self.tracks, 1, 4))
-        log_weights = np.zeros((self.tracks, 1))
-        anchors = anchor_rows(
-            self.layout,
-            rows,
-            mean,
-            covariance[:, None],
-        )
-        self.bank.advance(
-            rows,
-            begins,
-            anchors,
-            log_weights,
-            begins,
-            sensed,
-        )
+            anchors.covariance[:] = np.eye(4)
+        self.bank.advance(rows, begins, anchors, begins, sensed)
         self.ticks = np.rint(self.layout.read(rows, "ticks"))
         self.ticks_left = np.rint(self.layout.read(rows, "ticks_left"))
         if sensed is not None:
@@ -110,25 +88,14 @@ class AnchorErrors(OwnState):
             setattr(selected, name, getattr(self, name)[tracks])
         return selected
 
-    def after(
-        self,
-        filters: ComponentFilters,
-        log_weights: FloatArray,
-        rows: Observations,
-        tracks: IntArray,
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return weights (n, C), means (n, C, 4) and covariances (n, C, 4, 4) of (true state -
-        anchor) in the heading frame, [x, vx, y, vy], of tracks (n,) that begin a segment. rows: (n,
-        width) their first ones; filters: at the declaration; log_weights: (N, C) of these.
+    def after(self, filters: ComponentFilters, rows: Observations, tracks: IntArray) -> Anchors:
+        """Return the anchors of tracks (n,) that begin a segment. rows: (n, width) their first
+        ones; filters: at the declaration.
         """
-        share = filters.shares(log_weights)[:, :, tracks].transpose(2, 0, 1, 3)
+        share = filters.shares()[:, :, tracks].transpose(2, 0, 1, 3)
         of_course = share.reshape(len(tracks), -1)
         chosen = np.argsort(-of_course, axis=1)[:, :COURSES]
-        weight = np.take_along_axis(
-            of_course,
-            chosen,
-            axis=1,
-        )
+        weight = np.take_along_axis(of_course, chosen, axis=1)
         assumption, component, h = np.unravel_index(chosen, share.shape[1:])
         previous = self.layout.read(rows, "previous").argmax(-1)[:, None]
         # What runs on if the hypothesis is true.
@@ -137,10 +104,12 @@ class AnchorErrors(OwnState):
         declared = np.where(refined | (self.world.follow == "bank"), h, previous)
         likely = weight > NEGLIGIBLE
         ticks = np.where(likely, self.ticks_left[tracks, None], 0)
-        indices = assumption, component, h, declared
         mean, covariance = self.errors_of(
             filters,
-            *indices,
+            assumption,
+            component,
+            h,
+            declared,
             tracks,
             ticks,
         )
@@ -175,25 +144,12 @@ class AnchorErrors(OwnState):
         tracks (n,).
         """
         n, courses = hypothesis.shape
-        of_bank = np.broadcast_to(
-            tracks[:, None],
-            hypothesis.shape,
-        )
-        block, lane = np.divmod(
-            component * self.tracks + of_bank,
-            LANES,
-        )
+        of_bank = np.broadcast_to(tracks[:, None], hypothesis.shape)
+        block, lane = np.divmod(component * self.tracks + of_bank, LANES)
         indices = assumption, block, hypothesis, lane, of_bank // LANES, declared, of_bank % LANES
         results = np.zeros((n * courses, 30))
         # As much information in every tick as on average.
-        R = np.sqrt(
-            np.prod(
-                np.broadcast_to(
-                    self.world.variances,
-                    2,
-                )
-            )
-        )
+        R = np.sqrt(self.world.variances[0] * self.world.variances[-1])
         R /= 1.0 if self.world.sensors else 1.0 - self.world.missed
         run_compiled(
             propagate,
@@ -227,50 +183,18 @@ def inverted(entries: FloatArray) -> FloatArray:
     return np.stack([yy, -xy, xx], axis=-1) / (xx * yy - xy * xy)[:, None]
 
 
-def merged(
-    weight: FloatArray,
-    mean: FloatArray,
-    covariance: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return mixtures (n, C) of the heaviest components of others, (n, K), and of one that has the
+def merged(weight: FloatArray, mean: FloatArray, covariance: FloatArray) -> Anchors:
+    """Return mixtures of the heaviest of some components, weights (n, K), and of one that has the
     moments of all others.
     """
     order = np.argsort(-weight, axis=1)
-    weight = np.take_along_axis(
-        weight,
-        order,
-        axis=1,
-    )
-    mean = np.take_along_axis(
-        mean,
-        order[..., None],
-        axis=1,
-    )
-    covariance = np.take_along_axis(
-        covariance,
-        order[..., None, None],
-        axis=1,
-    )
+    rows = np.arange(len(weight))[:, None]
+    weight, mean, covariance = (values[rows, order] for values in (weight, mean, covariance))
     last = COMPONENTS - 1
-    rest = np.maximum(weight[:, last:], 1e-300)
-    total = rest.sum(1)
-    share = rest / total[:, None]
-    centre = np.einsum(
-        "nk,nki->ni",
-        share,
-        mean[:, last:],
-    )
-    centred = mean[:, last:] - centre[:, None]
-    spread = covariance[:, last:] + centred[..., None] * centred[..., None, :]
-    covariance[:, last] = np.einsum(
-        "nk,nkij->nij",
-        share,
-        spread,
-    )
-    mean[:, last] = centre
-    weight[:, last] = total
-    return (
-        weight[:, :COMPONENTS],
-        mean[:, :COMPONENTS],
-        covariance[:, :COMPONENTS],
-    )
+    rest = np.maximum(weight[:, None, last:], 1e-300)
+    total = rest.sum(-1)
+    others = mixture(mean[:, last:], covariance[:, last:], rest / total[..., None])
+    weight[:, last:COMPONENTS] = total
+    mean[:, last:COMPONENTS], covariance[:, last:COMPONENTS] = others
+    log_weights = np.log(np.maximum(weight[:, :COMPONENTS], 1e-300))
+    return Anchors(log_weights, mean[:, :COMPONENTS], covariance[:, :COMPONENTS])

@@ -15,13 +15,13 @@ from baselines.rules.beam_filters import (
     begin_branches,
     branch_arrays,
     step_branches,
-    step_memory,
 )
 from baselines.rules.beam_prior import Prior, hazard_tables, hazards, mixed_prior
 from baselines.rules.decider import Actions, Variants
 from baselines.rules.measurements import MeasurementDecider, filter_model, run_compiled, sensors_of
 from baselines.rules.threshold import reachable_probabilities, state_modes
 from hybrid_env.checks import BoolArray, FloatArray, check_integer
+from hybrid_env.compiled import INNOVATION, MEASURED, aligned_zeros
 from hybrid_env.durations import Durations, GeometricDurations
 from hybrid_env.limits import MAX_LENGTH
 from hybrid_env.quickest_options import QuickestOptions
@@ -150,11 +150,13 @@ class BeamDecider(MeasurementDecider):
 
     def step(self, state: BeamState, measurements: FloatArray) -> None:
         """Advance the branches of all tracks; see `MeasurementDecider.step`."""
-        memory = step_memory(self.hypotheses, state.branches)
+        capacity = state.branches.histories.shape[1]
         run_compiled(
             step_branches,
             state.branches,
-            *memory,
+            branch_arrays(1, self.hypotheses + capacity),
+            aligned_zeros((1,), INNOVATION),
+            aligned_zeros((1,), MEASURED),
             measurements,
             state.log_probability,
             self.model,

@@ -25,13 +25,11 @@ from baselines.rules.beam_habits import (
     merge_habits,
 )
 from baselines.rules.beam_joining import join_branches
-from baselines.rules.measurements import triangle
+from baselines.rules.measurements import copy_filter, estimate_in
 from hybrid_env.checks import AnyArray, Float32Array, FloatArray, IntArray
 from hybrid_env.compiled import (
     AWARE_HYPOTHESIS,
-    INNOVATION,
     LANES,
-    MEASURED,
     FilterModel,
     State,
     Triangle4,
@@ -165,9 +163,8 @@ def begin_branches(branches: Branches, track: int, start: FloatArray, model: Bea
     `MeasurementDecider.begin_track`.
     """
     modes = model.motions.size
-    anchor = (start[0], start[1], start[2], start[3])
+    anchor, covariance = estimate_in(start)
     for mode in range(modes):
-        covariance = triangle(start[4:14])
         weight = start[14 + mode]
         _begin_branch(branches, track, mode, mode, FIRST, mode, anchor, covariance, weight, model)
     branches.counts[track] = modes
@@ -187,19 +184,7 @@ def _copy_branch(
 ) -> None:
     """Copy branch b of a track to branch c of another."""
     old = source.filters[source_track, b // LANES]
-    new = target.filters[track, c // LANES]
-    i = b % LANES
-    j = c % LANES
-    new.x[j] = old.x[i]
-    new.vx[j] = old.vx[i]
-    new.y[j] = old.y[i]
-    new.vy[j] = old.vy[i]
-    new.centre_x[j] = old.centre_x[i]
-    new.centre_y[j] = old.centre_y[i]
-    new.turn_rate[j] = old.turn_rate[i]
-    new.log_likelihood[j] = old.log_likelihood[i]
-    for k in range(28):
-        new.covariance[k, j] = old.covariance[k, i]
+    copy_filter(old, b % LANES, target.filters[track, c // LANES], c % LANES)
     target.histories[track, c] = source.histories[source_track, b]
 
 
@@ -213,26 +198,25 @@ def _mixture_of(
     """Return mean and covariance of the branches of a track, weighted by shares (branches,) of a
     total.
     """
-    mean = np.zeros(4)
+    # Mean, then the upper triangle of the covariance.
+    moments = np.zeros(14)
     difference = np.empty(4)
-    covariance = np.zeros(10)
     for b in range(shares.size):
         if shares[b] > 0.0:
             for k, value in enumerate(estimate_of(branches.filters[track], b // LANES, b % LANES)):
-                mean[k] += shares[b] * value
-    mean /= total
+                moments[k] += shares[b] / total * value
     for b in range(shares.size):
         if shares[b] > 0.0:
             for k, value in enumerate(estimate_of(branches.filters[track], b // LANES, b % LANES)):
-                difference[k] = value - mean[k]
+                difference[k] = value - moments[k]
             entries = covariance_of(branches.filters[track, b // LANES], b % LANES)
             k = 0
             for row in range(4):
                 for column in range(row, 4):
                     product = difference[row] * difference[column]
-                    covariance[k] += shares[b] / total * (entries[k] + product)
+                    moments[4 + k] += shares[b] / total * (entries[k] + product)
                     k += 1
-    return (mean[0], mean[1], mean[2], mean[3]), triangle(covariance)
+    return estimate_in(moments)
 
 
 @internal
@@ -414,9 +398,3 @@ def step_branches(
         branches.evidence[track] -= shift
         for mode in range(log_probability.shape[1]):
             log_probability[track, mode] = math.log(max(log_probability[track, mode], 1e-300))
-
-
-def step_memory(hypotheses: int, branches: Branches) -> tuple[Branches, AnyArray, AnyArray]:
-    """Return the `children`, `innovations` and `measured` of `step_branches`."""
-    children = branch_arrays(1, hypotheses + branches.histories.shape[1])
-    return children, aligned_zeros((1,), INNOVATION), aligned_zeros((1,), MEASURED)

@@ -48,7 +48,6 @@ def mixed_prior(
     means: Sequence[int] = (10, 20, 40, 80, 160),
     shares: tuple[float, float] = (0.4, 0.1),
     known: Sequence[tuple[SimpleDurations, float]] = ((GeometricDurations(50.0, 25), 0.5),),
-    usual: tuple[float, float] = (70.0, 0.6),
 ) -> Prior:
     """Return uniform laws, geometric ones, and some single ones; by default the law of the
     environment.
@@ -60,7 +59,6 @@ def mixed_prior(
         offsets, means: of the geometric laws, in all combinations.
         shares: probabilities of the uniform and of the geometric laws.
         known: the single laws with their probabilities.
-        usual: median mean duration [ticks] of both kinds, and deviation of its logarithm.
     """
     laws: list[GeometricDurations | UniformDurations] = []
     weights: list[float] = []
@@ -71,8 +69,9 @@ def mixed_prior(
         weights += [1.0 / len(first)] * len(first)
     geometric = [GeometricDurations(float(mean), offset) for offset in offsets for mean in means]
     average = np.log([law.mean_duration for law in (*laws, *geometric)])
+    # The median mean duration of both kinds is 70 ticks; the deviation of its logarithm is .6.
     likely = np.append(weights, np.ones(len(geometric))) * np.exp(
-        -0.5 * ((average - np.log(usual[0])) / usual[1]) ** 2
+        -0.5 * ((average - np.log(70.0)) / 0.6) ** 2
     )
     kinds = np.split(likely, [len(laws)])
     parts = [share * kind / kind.sum() for share, kind in zip(shares, kinds, strict=True)]

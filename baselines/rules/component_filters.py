@@ -5,19 +5,22 @@ sensors it lacks the covariance of the measurement: then the filters also read w
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.special import logsumexp, softmax
 
 from baselines.rules.decider import Observations
 from baselines.rules.measurements import (
     axes_in_rows,
+    copy_filter,
+    estimate_in,
+    filter_model,
     in_heading_frame,
     in_rows,
     in_world,
     run_compiled,
     sensors_of,
-    triangle,
 )
 from hybrid_env.checks import AnyArray, BoolArray, FloatArray, OwnState
 from hybrid_env.compiled import (
@@ -39,9 +42,6 @@ from hybrid_env.compiled import (
 from hybrid_env.live import TRIANGLE
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
-
-# The estimate [x, vx, y, vy], and the upper triangle of its covariance row by row.
-ANCHOR_COLUMNS = 14
 
 
 class NoiseLaw(NamedTuple):
@@ -68,8 +68,9 @@ class _Assumption(NamedTuple):
 
     model: FilterModel
     outlier_model: FilterModel
-    log_outlier_odds: float
+    # Of the law; infinite if no measurement counts as an outlier.
     distance: float
+    law: NoiseLaw
 
 
 class _Memory(NamedTuple):
@@ -79,22 +80,43 @@ class _Memory(NamedTuple):
     innovations: AnyArray
     # (1,) record `MEASURED`
     measured: AnyArray
-    # (M,) records `AWARE_HYPOTHESIS`; (0,) if outliers do not have a model of their own.
+    # (M,) records `AWARE_HYPOTHESIS`
     before: AnyArray
-    # (LANES,)
-    outlier: BoolArray
+
+
+class Anchors(NamedTuple):
+    """Distributions of the estimates at a switch, of n tracks with C components each, in the
+    heading frame.
+    """
+
+    # (n, C) logarithms of the weights.
+    log_weights: FloatArray
+    # (n, C, 4) mean of (true state - anchor).
+    mean: FloatArray
+    # (n, C, 4, 4) of the same.
+    covariance: FloatArray
 
 
 @internal
-def _mark_outliers(memory: _Memory, lanes: int, distance: float) -> None:
-    """Mark the lanes whose measurement no hypothesis explains."""
-    for lane in range(lanes):
-        smallest = distance
-        for h in range(memory.innovations.size):
-            x = memory.innovations[h].white_x[lane]
-            y = memory.innovations[h].white_y[lane]
-            smallest = min(smallest, x * x + y * y)
-        memory.outlier[lane] = smallest >= distance
+def _sense(
+    bank: Any,
+    memory: _Memory,
+    first: int,
+    last: int,
+    sensors: AnyArray,
+    model: FilterModel,
+) -> None:
+    """Advance the filters of lanes first .. last - 1 by a tick."""
+    for h in range(bank.size):
+        sense_hypothesis(
+            bank[h],
+            memory.innovations[h],
+            np.uint64(first),
+            np.uint64(last),
+            memory.measured[0],
+            sensors,
+            model,
+        )
 
 
 @compiled
@@ -119,7 +141,6 @@ def _filter_tick(
     for b in range(filters.shape[0]):
         bank = filters[b]
         lanes = min(LANES, log_likelihood.shape[0] * tracks - b * LANES)
-        memory.outlier[:] = False
         # Lanes that are advanced at once: all or none of them have a measurement.
         at_once = lanes
         for lane in range(lanes):
@@ -128,44 +149,32 @@ def _filter_tick(
             if math.isnan(measurements[i, 0]):
                 at_once = 1
             for h in range(bank.size if begins[i] else 0):
-                anchor = anchors[c, i]
+                anchor, covariance = estimate_in(anchors[c, i])
                 begin_hypothesis(
                     bank[h],
                     lane,
-                    (anchor[0], anchor[1], anchor[2], anchor[3]),
-                    triangle(anchor[4:]),
+                    anchor,
+                    covariance,
                     signed_radius(h, radii),
                     assumption.model.tau,
                     assumption.model.exact_anchor > 0.0,
                 )
-        for h in range(memory.before.size):
+        for h in range(bank.size):
             memory.before[h] = bank[h]
-        advances = True
-        while advances:
-            for first in range(0, lanes, at_once):
-                outlier = memory.outlier[first]
-                model = assumption.outlier_model if outlier else assumption.model
+        for first in range(0, lanes, at_once):
+            _sense(bank, memory, first, first + at_once, sensors, assumption.model)
+        for lane in range(lanes):
+            smallest = math.inf
+            for h in range(bank.size):
+                x = memory.innovations[h].white_x[lane]
+                y = memory.innovations[h].white_y[lane]
+                smallest = min(smallest, x * x + y * y)
+            if smallest >= assumption.distance:
+                # No hypothesis explains the measurement.
                 for h in range(bank.size):
-                    sense_hypothesis(
-                        bank[h],
-                        memory.innovations[h],
-                        np.uint64(first),
-                        np.uint64(first + at_once),
-                        memory.measured[0],
-                        sensors,
-                        model,
-                    )
-                    if outlier:
-                        bank[h].log_likelihood[first] += assumption.log_outlier_odds
-            advances = memory.before.size > 0 and not memory.outlier.any()
-            if advances:
-                _mark_outliers(memory, lanes, assumption.distance)
-                advances = bool(memory.outlier.any())
-            if advances:
-                # Again, one after the other.
-                at_once = 1
-                for h in range(bank.size):
-                    bank[h] = memory.before[h]
+                    copy_filter(memory.before[h], lane, bank[h], lane)
+                    bank[h].log_likelihood[lane] += assumption.law.log_outlier_odds
+                _sense(bank, memory, lane, lane + 1, sensors, assumption.outlier_model)
         for lane in range(lanes):
             c, i = divmod(b * LANES + lane, tracks)
             for h in range(bank.size):
@@ -191,6 +200,8 @@ class ComponentFilters(OwnState):
     innovations: FloatArray
     # (laws, N) logarithms of the weights of the laws before the present segment.
     log_laws: FloatArray
+    # (N, C) logarithms of the weights of the components.
+    log_weights: FloatArray
 
     def __init__(
         self,
@@ -212,24 +223,23 @@ class ComponentFilters(OwnState):
         if robust and x != y and not self.oriented:
             variances = [(x, y), (y, x), ((x + y) / 2, (x + y) / 2)]
         laws = LAWS if robust else LAWS[:1]
-        fields = {"tau": world.tau, "process_variance": world.process_variance}
-        fields["exact_anchor"] = float(bank == "published")
+        model = filter_model(world)._replace(exact_anchor=float(bank == "published"))
         self.assumptions = [
             _Assumption(
-                FilterModel(variance_x=law.variance * x, variance_y=law.variance * y, **fields),
-                FilterModel(
+                model._replace(variance_x=law.variance * x, variance_y=law.variance * y),
+                model._replace(
                     variance_x=law.outlier_variance * x,
                     variance_y=law.outlier_variance * y,
-                    **fields,
                 ),
-                law.log_outlier_odds,
-                law.distance,
+                law.distance if robust else math.inf,
+                law,
             )
             for law in laws
             for x, y in variances
         ]
         self.prior = np.array([[law.log_prior] for law in laws])
         self.log_laws = np.tile(self.prior, (1, tracks))
+        self.log_weights = np.zeros((tracks, components))
         M = world.hypotheses
         self.filters = aligned_zeros(
             (len(self.assumptions), -(-components * tracks // LANES), M), AWARE_HYPOTHESIS
@@ -248,8 +258,7 @@ class ComponentFilters(OwnState):
         self.memory = _Memory(
             aligned_zeros((M,), INNOVATION),
             aligned_zeros((1,), MEASURED),
-            aligned_zeros((M if robust else 0,), AWARE_HYPOTHESIS),
-            np.zeros(LANES, np.bool_),
+            aligned_zeros((M,), AWARE_HYPOTHESIS),
         )
         self._combine()
 
@@ -257,17 +266,23 @@ class ComponentFilters(OwnState):
         self,
         rows: Observations,
         begins: BoolArray,
-        anchors: FloatArray,
-        log_weights: FloatArray,
+        started: Anchors,
         first: BoolArray,
         sensed: FloatArray | None = None,
     ) -> None:
-        """Start the filters of tracks that begin, (N,), at anchors (C, N, 14), then advance all by
-        a tick of rows. `log_weights`, (N, C), are of the components of the last segment; `first`,
-        (N,), is True where an episode starts; `sensed` is from `sensed_of`.
+        """Start the filters of tracks that begin, (N,), at their anchors, n, then advance all by
+        a tick of rows. `first`, (N,), is True where an episode starts; `sensed` is from
+        `split_sensed`.
         """
-        if len(self.log_laws) > 1 and begins.any():
-            self._weigh_laws(begins, log_weights, first)
+        # Estimate and upper triangle of its covariance.
+        anchors = np.zeros((*self.log_weights.T.shape, 14))
+        if begins.any():
+            self._weigh_laws(begins, first)
+            log_weights, mean, covariance = started
+            self.log_weights[begins] = log_weights
+            moments = np.concatenate([mean, covariance[..., TRIANGLE[0], TRIANGLE[1]]], axis=-1)
+            moments[..., 1] += self.layout.read(rows[begins], "speed")[:, None]
+            anchors[:, begins] = moments.swapaxes(0, 1)
         if self.world.sensors:
             measurements, anchors, heading = in_world(sensed, anchors)
         else:
@@ -325,11 +340,9 @@ class ComponentFilters(OwnState):
         self.log_likelihood = largest + np.log(total)
         self.innovations = ((share / total)[..., None] * self._innovations).sum((0, 1))
 
-    def _weigh_laws(self, begins: BoolArray, log_weights: FloatArray, first: BoolArray) -> None:
+    def _weigh_laws(self, begins: BoolArray, first: BoolArray) -> None:
         """Multiply the weights of the laws by the likelihood of the segment that has ended."""
-        from scipy.special import logsumexp
-
-        joint = self._joint[:, :, :, begins] + log_weights[begins].T[..., None]
+        joint = self._joint[:, :, :, begins] + self.log_weights[begins].T[..., None]
         laws = self.log_laws[:, begins] + logsumexp(joint, axis=(1, 2, 4))
         laws = np.where(first[begins], self.prior, laws - laws.max(0))
         self.log_laws[:, begins] = laws - logsumexp(laws, axis=0)
@@ -337,18 +350,18 @@ class ComponentFilters(OwnState):
     @property
     def noise_ratios(self) -> FloatArray:
         """Variance of the errors over that of a measurement, by each assumption."""
-        laws = LAWS if len(self.log_laws) > 1 else LAWS[:1]
-        ratios = [law.variance for law in laws]
-        return np.repeat(ratios, len(self.assumptions) // len(laws))
+        return np.array([assumption.law.variance for assumption in self.assumptions])
 
-    def shares(self, log_weights: FloatArray) -> FloatArray:
-        """Return the posterior of every filter, (assumptions, C, N, M), by logarithms of weights
-        of the components (N, C).
-        """
-        joint = self._joint + self.log_laws[:, None, None, :, None] + log_weights.T[..., None]
-        share = np.exp(joint - joint.max((0, 1, 2, 4), keepdims=True))
-        share /= share.sum((0, 1, 2, 4), keepdims=True)
-        return share.reshape(-1, *share.shape[2:])
+    @property
+    def posterior(self) -> FloatArray:
+        """Posterior of components and equally likely hypotheses, (C, N, M)."""
+        return np.asarray(softmax(self.log_likelihood + self.log_weights.T[..., None], (0, 2)))
+
+    def shares(self) -> FloatArray:
+        """Return the posterior of every filter, (assumptions, C, N, M)."""
+        joint = self._joint + self.log_laws[:, None, None, :, None] + self.log_weights.T[..., None]
+        share = softmax(joint, (0, 1, 2, 4))
+        return np.asarray(share.reshape(-1, *share.shape[2:]))
 
     def select_tracks(self, tracks: BoolArray) -> "ComponentFilters":
         """Return the filters of the tracks selected by a mask (N,)."""
@@ -356,8 +369,8 @@ class ComponentFilters(OwnState):
         count = int(tracks.sum())
         given = self.bank, components, count, self.world, self.robust, self.oriented
         selected = ComponentFilters(*given)
-        selected.noise[:] = self.noise[tracks]
-        selected.axes_known[:] = self.axes_known[tracks]
+        for name in ("noise", "axes_known", "log_weights"):
+            setattr(selected, name, getattr(self, name)[tracks])
         selected.log_laws[:] = self.log_laws[:, tracks]
         selected._joint[:] = self._joint[:, :, :, tracks]
         old = np.divmod(np.flatnonzero(np.tile(tracks, components)), LANES)
@@ -366,31 +379,6 @@ class ComponentFilters(OwnState):
             kept = self.filters[name][:, old[0], ..., old[1]]
             selected.filters[name][:, new[0], ..., new[1]] = kept
         return selected
-
-
-def joint_posterior(log_likelihood: FloatArray, log_weights: FloatArray) -> FloatArray:
-    """Return the posterior of components and equally likely hypotheses, (C, N, M), by logarithms
-    of weights (N, C).
-    """
-    joint = log_likelihood + log_weights.T[..., None]
-    share = np.exp(joint - joint.max((0, 2), keepdims=True))
-    return np.asarray(share / share.sum((0, 2), keepdims=True))
-
-
-def anchor_rows(
-    layout: Layout,
-    rows: Observations,
-    mean: FloatArray,
-    covariance: FloatArray,
-) -> FloatArray:
-    """Return anchors (C, N, 14): estimates of rows in the heading frame, with mean errors (N, C, 4)
-    and covariances (N, C, 4, 4).
-    """
-    anchors = np.zeros((*mean.shape[:2], ANCHOR_COLUMNS))
-    anchors[..., 1] = layout.read(rows, "speed")[:, None]
-    anchors[..., :4] += mean
-    anchors[..., 4:] = covariance[..., TRIANGLE[0], TRIANGLE[1]]
-    return anchors.swapaxes(0, 1)
 
 
 def stated_covariance(layout: Layout, rows: Observations) -> FloatArray:
@@ -403,3 +391,12 @@ def stated_covariance(layout: Layout, rows: Observations) -> FloatArray:
     )
     of_axis = np.moveaxis(np.array([[xx, xv], [xv, vv]]), -1, 0)
     return np.kron(np.eye(2), of_axis)
+
+
+def stated_anchors(layout: Layout, rows: Observations, components: int = 1) -> Anchors:
+    """Return anchors as the bank states them: one component, and others of weight 0."""
+    log_weights = np.full((len(rows), components), -1e3)
+    log_weights[:, 0] = 0.0
+    covariance = stated_covariance(layout, rows)[:, None]
+    mean = np.zeros((*log_weights.shape, 4))
+    return Anchors(log_weights, mean, np.repeat(covariance, components, axis=1))

@@ -10,11 +10,20 @@ import numpy as np
 
 from baselines.rules.decider import UNKNOWN, Actions, Decider
 from hybrid_env.checks import AnyArray, BoolArray, FloatArray, reject
-from hybrid_env.compiled import MOST_RATES, FilterModel, Triangle4, internal, prepare
+from hybrid_env.compiled import (
+    MOST_RATES,
+    FilterModel,
+    State,
+    Triangle4,
+    internal,
+    prepare,
+    set_state,
+    state_of,
+    triangle_of,
+)
 from hybrid_env.live import SQUARE, TRIANGLE
 from hybrid_env.observation import Layout
 from hybrid_env.options import ModelOptions
-from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.sensors import sensor_table
 from hybrid_env.world import World
 
@@ -22,11 +31,11 @@ from hybrid_env.world import World
 OBSERVED = 2 + 4 + 10
 # Further columns with sensors: covariance of the measurement over R, and range rates.
 SENSED = 3 + MOST_RATES
-# Columns of `sensed_of`: what `sensing.write_measured` reads, anchor, heading.
+# Columns that `observe_sensed` adds: what `sensing.write_measured` reads, anchor, heading.
 OF_SENSORS = (2 + SENSED, 4, 2)
 
 
-def filter_model(options: QuickestOptions) -> FilterModel:
+def filter_model(options: ModelOptions) -> FilterModel:
     """Return the model of a decider's own filters."""
     variances = options.variances
     return FilterModel(
@@ -43,20 +52,19 @@ def sensors_of(options: ModelOptions) -> AnyArray:
 
 
 @internal
-def triangle(entries: FloatArray) -> Triangle4:
-    """Return the ten entries of a covariance, upper triangle row by row, as a tuple."""
-    return (
-        entries[0],
-        entries[1],
-        entries[2],
-        entries[3],
-        entries[4],
-        entries[5],
-        entries[6],
-        entries[7],
-        entries[8],
-        entries[9],
-    )
+def estimate_in(entries: FloatArray) -> tuple[State, Triangle4]:
+    """Return an estimate and the upper triangle of its covariance, of 14 entries, as tuples."""
+    covariance = triangle_of(entries[4:14].reshape(10, 1), 0)
+    return (entries[0], entries[1], entries[2], entries[3]), covariance
+
+
+@internal
+def copy_filter(source: Any, lane: int, target: Any, target_lane: int) -> None:
+    """Copy a filter, a lane of a record `AWARE_HYPOTHESIS`, to a lane of another record."""
+    set_state(target, target_lane, state_of(source, lane))
+    for k in range(source.covariance.shape[0]):
+        target.covariance[k, target_lane] = source.covariance[k, lane]
+    target.log_likelihood[target_lane] = source.log_likelihood[lane]
 
 
 _prepared: set[Any] = set()
@@ -151,26 +159,19 @@ class MeasurementDecider(Decider):
         return np.exp(observation[:, OBSERVED : OBSERVED + self.hypotheses])
 
 
-def sensed_of(tracks: Any) -> FloatArray | None:
-    """Return what the sensors of a `World` measured, anchors and headings, (N, 15); None without
-    sensors.
-    """
-    names = ("measurement", "noise", "rates", "anchor", "heading")
-    return np.hstack([tracks.field(name) for name in names]) if tracks.options.sensors else None
-
-
 def observe_sensed(tracks: Any) -> AnyArray:
-    """Return the rows of a `World`, with sensors followed by `sensed_of`."""
-    rows = tracks.take_rows()
-    sensed = sensed_of(tracks)
-    return rows if sensed is None else np.hstack([rows, sensed])
+    """Return the rows of a `World`, with sensors followed by what they measured, anchors and
+    headings, (N, 15).
+    """
+    names = ("measurement", "noise", "rates", "anchor", "heading") if tracks.options.sensors else ()
+    return np.hstack([tracks.take_rows(), *(tracks.field(name) for name in names)])
 
 
 def split_sensed(
     layout: Layout,
     observation: AnyArray,
 ) -> tuple[AnyArray, FloatArray | None]:
-    """Return the rows of an observation, and `sensed_of` if it has it."""
+    """Return the rows of an observation, and what sensors add to it, None without them."""
     if observation.ndim != 2 or observation.shape[1] != layout.width + sum(OF_SENSORS):
         return observation, None
     return observation[:, : layout.width], observation[:, layout.width :]

@@ -108,8 +108,6 @@ class MSPRTDecider(Decider):
             at most 1.
         by: "hypothesis" counts every other hypothesis as an error. "type" declares the most likely
             hypothesis of the most likely type and counts only other types as errors.
-        types: (M,) of the hypotheses, `options.types`; None are those of turn radii. Where a
-            decider is looked up or rolled out, they are those of the environment.
     """
 
     name = "msprt"
@@ -135,15 +133,12 @@ class MSPRTDecider(Decider):
         "msprt-robust": {"title": "MSPRT, robust", "options": ROBUST},
     }
 
-    def __init__(
-        self,
-        alpha: float = 0.02,
-        by: By = "hypothesis",
-        types: IntArray | None = None,
-    ):
+    # (M,) of the hypotheses, see `for_modes`; None are those of turn radii.
+    types: IntArray | None = None
+
+    def __init__(self, alpha: float = 0.02, by: By = "hypothesis"):
         super().__init__(alpha)
         self.by = checked("by", by, By)
-        self.types = types
 
     def for_modes(self, options: Any) -> Self:
         """See `Decider.for_modes`."""
@@ -176,11 +171,9 @@ class MSPRTDecider(Decider):
         episode_start: Any = None,
     ) -> FloatArray:
         """Return the posterior of each hypothesis or of its type, (N, M)."""
-        layout = Layout.of_rows(observation)
-        values = np.exp(layout.read(observation, "log_ratio"))
-        types = self.types_in(layout)
-        sums = group_sums(values, types)[:, types] if self.by == "type" else values
-        return sums / values.sum(-1, keepdims=True)
+        posterior = super().evidence(observation)
+        types = self.types_in(Layout.of_rows(observation))
+        return group_sums(posterior, types)[:, types] if self.by == "type" else posterior
 
 
 def declare_types(decider: Decider, types: IntArray) -> Decider:

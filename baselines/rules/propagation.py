@@ -10,13 +10,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from baselines.rules.measurements import copy_filter
 from hybrid_env.checks import AnyArray, FloatArray, IntArray
 from hybrid_env.compiled import (
     FilterModel,
-    State,
     compiled,
     internal,
     sense_hypothesis,
+    state_of,
     turn_coefficients,
 )
 
@@ -24,19 +25,13 @@ from hybrid_env.compiled import (
 STATES = 7
 # Entries of y in a covariance of the seven states, upper triangle row by row.
 OF_Y = 2, 8, 13, 14, 15, 16, 17
+# (2, 14) position of the object less that of the bank's filter.
+APART = np.eye(2 * STATES)[[0, 2]] - np.eye(2 * STATES)[[STATES, STATES + 2]]
 
 
 class Memory(NamedTuple):
-    """Temporary memory of a propagation."""
+    """Temporary memory of a propagation, of which lane 0 is used."""
 
-    # (14, 14) covariance of the seven states of the object and of the bank's filter.
-    joint: FloatArray
-    # (14,)
-    mean: FloatArray
-    # (2, 7) covariances of x and y of the bank's filter.
-    measured_rows: FloatArray
-    # (5, 14) from deviations of the states to error and speed.
-    frame: FloatArray
     # (1,) record `AWARE_HYPOTHESIS`
     kalman: AnyArray
     # (1,) record `INNOVATION`
@@ -53,13 +48,8 @@ def _read_filter(
     covariance: FloatArray,
 ) -> None:
     """Write the seven states of a filter, (7,), and their covariance, (7, 7)."""
-    mean[0] = kalman.x[lane]
-    mean[1] = kalman.vx[lane]
-    mean[2] = kalman.y[lane]
-    mean[3] = kalman.vy[lane]
-    mean[4] = kalman.centre_x[lane]
-    mean[5] = kalman.centre_y[lane]
-    mean[6] = kalman.turn_rate[lane]
+    for k, value in enumerate(state_of(kalman, lane)):
+        mean[k] = value
     entry = 0
     for i in range(STATES):
         for j in range(i, STATES):
@@ -69,151 +59,100 @@ def _read_filter(
 
 
 @internal
-def _mix_rows(
-    rows: FloatArray,
-    position: int,
-    centre: int,
-    rate: int,
-    turn: State,
-    by_rate: tuple[float, float],
-) -> None:
-    """Replace the rows of a position and its velocity by combinations of both, of the centre and of
-    the turn rate.
-    """
-    C, S, W, D = turn
-    p = rows[position]
-    v = rows[position + 1]
-    c = rows[centre]
-    moved = C * p + S * v + D * c + by_rate[0] * rows[rate]
-    rows[position + 1] = C * v + W * (c - p) + by_rate[1] * rows[rate]
-    rows[position] = moved
-
-
-@internal
-def _move(
-    joint: FloatArray,
-    mean: FloatArray,
-    first: int,
-    tau: float,
-) -> None:
-    """Move the seven states from `first` on by a tick, linearised in the turn rate."""
-    rate = first + 6
-    C, S, W, D, dC, dS, dW = turn_coefficients(mean[rate], tau)
-    turn = (C, S, W, D)
+def _move(mean: FloatArray, tau: float) -> FloatArray:
+    """Move seven states, (7,), by a tick; return the Jacobian of the motion, (7, 7)."""
+    C, S, W, D, dC, dS, dW = turn_coefficients(mean[6], tau)
+    jacobian = np.eye(STATES)
     for axis in range(2):
-        position = first + 2 * axis
-        centre = first + 4 + axis
-        offset = mean[position] - mean[centre]
-        velocity = mean[position + 1]
-        by_rate = (dC * offset + dS * velocity, dC * velocity - dW * offset)
-        mean[position] = mean[centre] + C * offset + S * velocity
-        mean[position + 1] = C * velocity - W * offset
-        _mix_rows(
-            joint,
-            position,
-            centre,
-            rate,
-            turn,
-            by_rate,
-        )
-        _mix_rows(
-            joint.T,
-            position,
-            centre,
-            rate,
-            turn,
-            by_rate,
-        )
-
-
-@internal
-def _correct_rows(rows: FloatArray, gains: FloatArray) -> None:
-    """Add the gains times (position of the object - that of the filter) to the rows of the
-    filter.
-    """
-    x = rows[0] - rows[STATES]
-    y = rows[2] - rows[STATES + 2]
-    for j in range(STATES):
-        rows[STATES + j] += gains[0, j] * x + gains[1, j] * y
+        x = 2 * axis
+        v = x + 1
+        centre = 4 + axis
+        offset = mean[x] - mean[centre]
+        velocity = mean[v]
+        mean[x] = mean[centre] + C * offset + S * velocity
+        mean[v] = C * velocity - W * offset
+        jacobian[x, x] = jacobian[v, v] = C
+        jacobian[x, v] = S
+        jacobian[x, centre] = D
+        jacobian[v, x] = -W
+        jacobian[v, centre] = W
+        jacobian[x, 6] = dC * offset + dS * velocity
+        jacobian[v, 6] = dC * velocity - dW * offset
+    return jacobian
 
 
 @internal
 def _tick(
+    mean: FloatArray,
+    joint: FloatArray,
     memory: Memory,
-    lane: int,
     precision: FloatArray,
     noise: FloatArray,
     sensors: AnyArray,
     model: FilterModel,
-) -> None:
-    """Advance object and filter by a tick with a measurement. precision: (2, 2) inverse of its
-    covariance in the model of the filter; noise: (2, 2) covariance of its errors.
+) -> FloatArray:
+    """Advance the states of object and filter, (14,), by a tick with a measurement; return their
+    covariance, (14, 14), which was `joint`. precision: (2, 2) inverse of the covariance of the
+    measurement in the model of the filter; noise: (2, 2) covariance of its errors.
     """
-    joint = memory.joint
-    mean = memory.mean
     kalman = memory.kalman[0]
-    _move(joint, mean, 0, model.tau)
-    _move(joint, mean, STATES, model.tau)
-    joint[1, 1] += model.process_variance
-    joint[3, 3] += model.process_variance
-    memory.measured[0].measurement[0, lane] = mean[0]
-    memory.measured[0].measurement[1, lane] = mean[2]
+    measured = memory.measured[0]
+    motion = np.zeros((2 * STATES, 2 * STATES))
+    motion[:STATES, :STATES] = _move(mean[:STATES], model.tau)
+    motion[STATES:, STATES:] = _move(mean[STATES:], model.tau)
+    moved = motion @ joint @ motion.T
+    moved[1, 1] += model.process_variance
+    moved[3, 3] += model.process_variance
+    measured.measurement[0, 0] = mean[0]
+    measured.measurement[1, 0] = mean[2]
     sense_hypothesis(
         kalman,
         memory.innovation[0],
-        np.uint64(lane),
-        np.uint64(lane + 1),
-        memory.measured[0],
+        np.uint64(0),
+        np.uint64(1),
+        measured,
         sensors,
         model,
     )
     # K = P H' / R with the corrected P.
+    of_measured = np.empty((2, STATES))
     for j in range(STATES):
-        memory.measured_rows[0, j] = kalman.covariance[j, lane]
-        memory.measured_rows[1, j] = kalman.covariance[OF_Y[j], lane]
-    gains = precision @ memory.measured_rows
-    x = mean[0] - mean[STATES]
-    y = mean[2] - mean[STATES + 2]
-    mean[STATES:] += gains[0] * x + gains[1] * y
-    _correct_rows(joint, gains)
-    _correct_rows(joint.T, gains)
-    joint[STATES:, STATES:] += gains.T @ (noise @ gains)
+        of_measured[0, j] = kalman.covariance[j, 0]
+        of_measured[1, j] = kalman.covariance[OF_Y[j], 0]
+    gains = precision @ of_measured
+    correction = np.eye(2 * STATES)
+    correction[STATES:] += gains.T @ APART
+    mean[:] = correction @ mean
+    corrected = correction @ moved @ correction.T
+    corrected[STATES:, STATES:] += gains.T @ (noise @ gains)
+    return corrected
 
 
 @internal
-def _write_error(result: FloatArray, memory: Memory) -> None:
+def _write_error(result: FloatArray, mean: FloatArray, joint: FloatArray) -> None:
     """Write the mean error (4,) of the anchor in its heading frame, its mean speed, and their
     covariance (5, 5), to first order in the deviations of the states.
     """
-    mean = memory.mean
-    frame = memory.frame
-    speed = max(math.hypot(mean[STATES + 1], mean[STATES + 3]), 1e-12)
-    c = mean[STATES + 1] / speed
-    s = mean[STATES + 3] / speed
-    frame[:] = 0.0
-    # Position, then velocity.
-    for j in range(2):
-        x = mean[j] - mean[STATES + j]
-        y = mean[j + 2] - mean[STATES + j + 2]
-        along = c * x + s * y
-        across = c * y - s * x
-        result[j] = along
-        result[j + 2] = across
-        frame[j, j] = c
-        frame[j, j + 2] = s
-        frame[j + 2, j] = -s
-        frame[j + 2, j + 2] = c
-        frame[:4, STATES + j] = -frame[:4, j]
-        frame[:4, STATES + j + 2] = -frame[:4, j + 2]
+    vx = STATES + 1
+    vy = STATES + 3
+    speed = max(math.hypot(mean[vx], mean[vy]), 1e-12)
+    c = mean[vx] / speed
+    s = mean[vy] / speed
+    turn = np.kron(np.array([[c, s], [-s, c]]), np.eye(2))
+    error = turn @ (mean[:4] - mean[STATES : STATES + 4])
+    # From deviations of the states to error and speed.
+    frame = np.zeros((5, 2 * STATES))
+    frame[:4, :4] = turn
+    frame[:4, STATES : STATES + 4] = -turn
     # The heading deviates too.
-    for j in range(4):
-        turned = result[j + 2] if j < 2 else -result[j - 2]
-        frame[j, STATES + 1] -= turned * s / speed
-        frame[j, STATES + 3] += turned * c / speed
+    turned = np.concatenate((error[2:], -error[:2])) / speed
+    frame[:4, vx] -= turned * s
+    frame[:4, vy] += turned * c
+    frame[4, vx] = c
+    frame[4, vy] = s
+    result[:4] = error
     result[4] = speed
-    frame[4, STATES + 1] = c
-    frame[4, STATES + 3] = s
-    result[5:] = (frame @ (memory.joint @ frame.T)).ravel()
+    result[5:] = (frame @ joint @ frame.T).ravel()
 
 
 @compiled
@@ -233,39 +172,31 @@ def propagate(
     the switch. noise: (K, 3), covariance of a measurement xx, xy, yy over R, and `ratios` of that
     of the errors by the assumptions.
     """
+    mean = np.empty(2 * STATES)
     R = np.empty((2, 2))
     for k in range(len(courses)):
         assumption, block, h, lane, bank_block, declared, bank_lane, ticks = courses[k]
-        memory.kalman[0] = bank[bank_block, declared]
-        memory.joint[:] = 0.0
+        copy_filter(bank[bank_block, declared], bank_lane, memory.kalman[0], 0)
+        joint = np.zeros((2 * STATES, 2 * STATES))
         # Its covariance is replaced by that of the object: the state of the bank is known.
-        _read_filter(
-            memory.kalman[0],
-            bank_lane,
-            memory.mean[STATES:],
-            memory.joint,
-        )
-        _read_filter(
-            filters[assumption, block, h],
-            lane,
-            memory.mean[:STATES],
-            memory.joint,
-        )
+        _read_filter(memory.kalman[0], 0, mean[STATES:], joint)
+        _read_filter(filters[assumption, block, h], lane, mean[:STATES], joint)
         R[0, 0] = model.variance_x * noise[k, 0]
         R[0, 1] = model.variance_x * noise[k, 1]
         R[1, 0] = R[0, 1]
         R[1, 1] = model.variance_y * noise[k, 2]
         for row in range(3):
-            memory.measured[0].noise[row, bank_lane] = noise[k, row]
+            memory.measured[0].noise[row, 0] = noise[k, row]
         precision = np.linalg.inv(R)
         errors = ratios[assumption] * R
         for _ in range(ticks):
-            _tick(
+            joint = _tick(
+                mean,
+                joint,
                 memory,
-                bank_lane,
                 precision,
                 errors,
                 sensors,
                 model,
             )
-        _write_error(results[k], memory)
+        _write_error(results[k], mean, joint)

@@ -3,33 +3,26 @@ distribution of the anchor error, see `anchor_errors`, or the covariance of the 
 switch.
 """
 
-from dataclasses import dataclass
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
-from baselines.rules import component_filters
 from baselines.rules.anchor_errors import COMPONENTS, AnchorErrors
-from baselines.rules.component_filters import ComponentFilters, anchor_rows, stated_covariance
+from baselines.rules.component_filters import Anchors, ComponentFilters, stated_anchors
 from baselines.rules.decider import Answer, Decider, Observations, Variants
 from baselines.rules.measurements import observe_sensed, split_sensed
 from baselines.rules.msprt import ALPHAS, error_and_best
-from hybrid_env.checks import BoolArray, FloatArray
+from hybrid_env.checks import BoolArray
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 
 
-@dataclass
-class _State:
-    """What is known of N tracks with C components each."""
+class _State(NamedTuple):
+    """What is known of N tracks."""
 
     filters: ComponentFilters
     # None if the filters start from the stated covariance.
     errors: AnchorErrors | None
-    # (N, C) logarithms of the weights of the components.
-    log_weights: FloatArray
-    # (N, M) of the last tick.
-    posterior: FloatArray
 
 
 class RefilteringDecider(Decider):
@@ -88,14 +81,10 @@ class RefilteringDecider(Decider):
 
     def begin(self, tracks: int) -> _State:
         """Return the state of N tracks before their first rows."""
-        M, world = self.world.hypotheses, self.world
+        world = self.world
         given = self.bank, self.components, tracks, world, self.robust, self.propagates
-        return _State(
-            ComponentFilters(*given),
-            AnchorErrors(tracks, world) if self.propagates else None,
-            np.zeros((tracks, self.components)),
-            np.full((tracks, M), 1.0 / M),
-        )
+        errors = AnchorErrors(tracks, world) if self.propagates else None
+        return _State(ComponentFilters(*given), errors)
 
     def anchors(
         self,
@@ -103,24 +92,19 @@ class RefilteringDecider(Decider):
         rows: Observations,
         begins: BoolArray,
         first: BoolArray,
-    ) -> FloatArray:
-        """Return initial estimates with covariances, (C, n, 14), of the n tracks that begin a
-        segment, and set their weights. begins, first: (N,) of a segment, of an episode.
+    ) -> Anchors:
+        """Return the anchors of the n tracks that begin a segment. begins, first: (N,) of a
+        segment, of an episode.
         """
         begun = np.flatnonzero(begins)
-        weight = np.zeros((len(begun), self.components))
-        weight[:, 0] = 1.0
-        mean = np.zeros((*weight.shape, 4))
-        covariance = np.repeat(
-            stated_covariance(self.layout, rows[begun])[:, None], self.components, axis=1
-        )
+        anchors = stated_anchors(self.layout, rows[begun], self.components)
         later = ~first[begun]
         if state.errors is not None and later.any():
-            weight[later], mean[later], covariance[later] = state.errors.after(
-                state.filters, state.log_weights, rows[begun[later]], begun[later]
-            )
-        state.log_weights[begun] = np.log(np.maximum(weight, 1e-300))
-        return anchor_rows(self.layout, rows[begun], mean, covariance)
+            tracks = begun[later]
+            computed = state.errors.after(state.filters, rows[tracks], tracks)
+            for values, of_later in zip(anchors, computed, strict=True):
+                values[later] = of_later
+        return anchors
 
     def decide(
         self,
@@ -129,26 +113,18 @@ class RefilteringDecider(Decider):
         episode_start: Any,
     ) -> Answer:
         """See `Decider.decide`. The state holds the filters and is changed in place."""
-        layout = self.layout
-        rows, sensed = split_sensed(layout, observation)
+        rows, sensed = split_sensed(self.layout, observation)
         tracks = len(rows)
-        begins = np.rint(layout.read(rows, "ticks")) == 1
+        begins = np.rint(self.layout.read(rows, "ticks")) == 1
         first = np.zeros(tracks, bool) if episode_start is None else np.asarray(episode_start)
         if state is None:
             state = self.begin(tracks)
             begins[:] = first = np.ones(tracks, bool)
-        anchors = np.zeros((self.components, tracks, component_filters.ANCHOR_COLUMNS))
-        log_weights = state.log_weights.copy()
-        if begins.any():
-            anchors[:, begins] = self.anchors(state, rows, begins, first)
-        state.filters.advance(rows, begins, anchors, log_weights, first, sensed)
+        anchors = self.anchors(state, rows, begins, first)
+        state.filters.advance(rows, begins, anchors, first, sensed)
         if state.errors is not None:
             state.errors.advance(rows, begins, sensed)
-        state.posterior = component_filters.joint_posterior(
-            state.filters.log_likelihood,
-            state.log_weights,
-        ).sum(0)
-        error, best = error_and_best(state.posterior, self.world.groups)
+        error, best = error_and_best(state.filters.posterior.sum(0), self.world.groups)
         return np.where(error <= self.threshold, best + 1, 0), state
 
     def select_tracks(self, state: _State, tracks: BoolArray) -> _State:
@@ -158,6 +134,4 @@ class RefilteringDecider(Decider):
         return _State(
             state.filters.select_tracks(tracks),
             state.errors.select_tracks(tracks) if state.errors else None,
-            state.log_weights[tracks],
-            state.posterior[tracks],
         )

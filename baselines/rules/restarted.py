@@ -14,14 +14,15 @@ import math
 from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
+from scipy.special import logsumexp
 
 from baselines.rules.decider import Actions, Variants
 from baselines.rules.measurements import (
     MeasurementDecider,
+    estimate_in,
     filter_model,
     run_compiled,
     sensors_of,
-    triangle,
 )
 from hybrid_env.checks import (
     AnyArray,
@@ -43,6 +44,7 @@ from hybrid_env.compiled import (
     compiled,
     covariance_of,
     sense_motion,
+    state_of,
     write_measured,
 )
 from hybrid_env.quickest_options import QuickestOptions
@@ -95,14 +97,9 @@ def begin_restarted(
     """Begin an episode of a track with a first statement; `start` as in
     `MeasurementDecider.begin_track`.
     """
-    begin_motion(
-        filters.stated_filters[track, 0],
-        0,
-        (start[0], start[1], start[2], start[3]),
-        triangle(start[4:14]),
-        model.motions[mode],
-        model.filters,
-    )
+    anchor, covariance = estimate_in(start)
+    stated = filters.stated_filters[track, 0]
+    begin_motion(stated, 0, anchor, covariance, model.motions[mode], model.filters)
     filters.counts[track] = 0
     filters.stated[track] = mode
     filters.log_ratios[track] = 0.0
@@ -124,7 +121,7 @@ def step_restarted(
             write_measured(measured, lane, measurements[track])
         stated = filters.stated_filters[track, 0]
         before = stated.log_likelihood[0]
-        anchor = (stated.x[0], stated.vx[0], stated.y[0], stated.vy[0])
+        anchor = state_of(stated, 0)[:4]
         covariance = covariance_of(stated, 0)
         motion = model.motions[filters.stated[track]]
         sense_motion(stated, innovation, 0, 1, motion, measured, model.sensors, model.filters)
@@ -247,8 +244,6 @@ class RestartDecider(MeasurementDecider):
 
     def step(self, state: RestartedFilters, measurements: FloatArray) -> None:
         """Advance filters and statements; see `MeasurementDecider.step`."""
-        from scipy.special import logsumexp
-
         run_compiled(step_restarted, state, measurements, self.model)
         tracks = np.arange(len(measurements))
         logs = state.started["log_likelihood"].reshape(*state.log_ratios.shape, -1)

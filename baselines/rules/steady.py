@@ -1,12 +1,12 @@
 """A threshold on the probabilities of the bank whose statements last."""
 
 import math
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from baselines.rules.decider import UNKNOWN, Actions, Decider, Observations
-from baselines.rules.threshold import reachable_probabilities, read_statement
+from baselines.rules.decider import Actions, Observations
+from baselines.rules.threshold import ThresholdDecider, read_statement
 from hybrid_env.checks import IntArray
 from hybrid_env.observation import QuickestLayout
 
@@ -22,7 +22,7 @@ class SteadyState(NamedTuple):
     lasts: IntArray
 
 
-class SteadyDecider(Decider):
+class SteadyDecider(ThresholdDecider):
     """Changes its statement to the most probable mode when that is probable enough, or likelier
     than all others together at each of the last three measurements. A statement lasts for at least
     three.
@@ -35,19 +35,10 @@ class SteadyDecider(Decider):
     """
 
     name = "steady"
-    task = UNKNOWN
     title = "IMM steady"
-    symbol = "probability"
     default = 0.75
-    bounds = 0.0, 1.0
     # For which a mode leads, and smallest number for which a statement lasts.
     measurements = 3
-
-    @classmethod
-    def create(cls, options: Any, **arguments: Any) -> Self:
-        """See `Decider.create`."""
-        thresholds = reachable_probabilities(options.hypotheses)
-        return super().create(options, **arguments).changed(thresholds=thresholds)
 
     def decide(
         self,

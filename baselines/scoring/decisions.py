@@ -1,6 +1,5 @@
 """Decisions for announced switches, and values of every episode."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -49,27 +48,33 @@ class Decisions:
 
     @property
     def values(self) -> FloatArray:
-        """Values of each episode, (E, F), see `EPISODE_VALUES`."""
-        return np.stack([value(self) for value in EPISODE_VALUES.values()], axis=1)
+        """Values of each episode, (E, F), see `COLUMNS`: means over its segments, then sums."""
+        right = self.correct[:, :-1]
+        wrong = ~self.correct[:, 1:]
+        means = self.correct, self.type_correct, self.ticks, self.reward, self.forced
+        sums = (
+            self.squared_error,
+            self.length,
+            wrong & right,
+            right,
+            wrong & ~right,
+            ~right,
+        )
+        columns = *(each.mean(1) for each in means), *(each.sum(1) for each in sums)
+        return np.stack(columns, axis=1)
 
 
-# Values of each episode by name, (E,) each: means over its segments, then sums.
-EPISODE_VALUES: dict[str, Callable[[Decisions], FloatArray]] = {
-    "accuracy": lambda decisions: decisions.correct.mean(1),
-    "type_accuracy": lambda decisions: decisions.type_correct.mean(1),
-    "ticks": lambda decisions: decisions.ticks.mean(1),
-    "reward": lambda decisions: decisions.reward.mean(1),
-    "forced": lambda decisions: decisions.forced.mean(1),
-    "squared_error": lambda decisions: decisions.squared_error.sum(1),
-    "length": lambda decisions: decisions.length.sum(1),
-    "wrong_after_correct": lambda decisions: (
-        ~decisions.correct[:, 1:] & decisions.correct[:, :-1]
-    ).sum(1),
-    "after_correct": lambda decisions: decisions.correct[:, :-1].sum(1),
-    "wrong_after_wrong": lambda decisions: (
-        ~decisions.correct[:, 1:] & ~decisions.correct[:, :-1]
-    ).sum(1),
-    "after_wrong": lambda decisions: (~decisions.correct[:, :-1]).sum(1),
-}
-COLUMNS = tuple(EPISODE_VALUES)
+COLUMNS = (
+    "accuracy",
+    "type_accuracy",
+    "ticks",
+    "reward",
+    "forced",
+    "squared_error",
+    "length",
+    "wrong_after_correct",
+    "after_correct",
+    "wrong_after_wrong",
+    "after_wrong",
+)
 """Names of the values of an episode."""

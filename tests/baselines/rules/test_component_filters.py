@@ -8,7 +8,7 @@ import numpy as np
 from matrix_filters import MatrixExtendedKalmanFilter
 from scipy.special import log_softmax, logsumexp
 
-from baselines.rules.component_filters import LAWS, ComponentFilters, anchor_rows, stated_covariance
+from baselines.rules.component_filters import LAWS, ComponentFilters, stated_anchors
 from baselines.rules.measurements import in_rows, observe_sensed, split_sensed
 from hybrid_env import HybridTrackVectorEnv, Layout, Radar, Sensor
 
@@ -89,22 +89,14 @@ def test_robust_filters_equal_matrix_filters():
         world,
         robust=True,
     )
-    covariance = stated_covariance(layout, rows[0])
-    anchors = anchor_rows(
-        layout,
-        rows[0],
-        np.zeros((TRACKS, 1, 4)),
-        covariance[:, None],
-    )
+    anchors = stated_anchors(layout, rows[0])
     ours = []
     none = np.zeros(TRACKS, np.bool_)
-    alone = np.zeros((TRACKS, 1))
     for tick, row in enumerate(rows):
         filters.advance(
             row,
             np.full(TRACKS, tick == 0),
             anchors,
-            alone,
             none,
         )
         ours.append(filters.log_likelihood[0].copy())
@@ -113,7 +105,6 @@ def test_robust_filters_equal_matrix_filters():
         rows[0],
         ~none,
         anchors,
-        alone,
         none,
     )
     axes = [(x, y), (y, x), ((x + y) / 2, (x + y) / 2)]
@@ -130,7 +121,7 @@ def test_robust_filters_equal_matrix_filters():
     speeds = layout.read(rows[0], "speed").astype(float)
     total = 0
     for track in range(4):
-        of_track = world, speeds[track], covariance[track], measurements[:, track]
+        of_track = world, speeds[track], anchors.covariance[track, 0], measurements[:, track]
         by_law = []
         for law in LAWS:
             each, outliers = zip(
@@ -190,20 +181,13 @@ def test_with_sensors_the_filters_equal_the_bank():
         TRACKS,
         env.options,
     )
-    layout, none, alone = env.world.layout, np.zeros(TRACKS, np.bool_), np.zeros((TRACKS, 1))
+    layout, none = env.world.layout, np.zeros(TRACKS, np.bool_)
     for tick in range(TICKS):
         rows, sensed = split_sensed(layout, observe_sensed(env.world))
-        anchors = anchor_rows(
-            layout,
-            rows,
-            np.zeros((TRACKS, 1, 4)),
-            stated_covariance(layout, rows)[:, None],
-        )
         filters.advance(
             rows,
             np.full(TRACKS, tick == 0),
-            anchors,
-            alone,
+            stated_anchors(layout, rows),
             none,
             sensed,
         )

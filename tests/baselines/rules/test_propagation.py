@@ -7,7 +7,7 @@ from scipy.stats import chi2
 
 from agents.algorithms.anchor import anchor_errors
 from baselines.rules.anchor_errors import AnchorErrors
-from baselines.rules.component_filters import ComponentFilters, anchor_rows
+from baselines.rules.component_filters import ComponentFilters, stated_anchors
 from baselines.rules.measurements import axes_in_rows, in_rows, split_sensed
 from baselines.rules.refiltering import RefilteringDecider
 from baselines.rules.rollout import rollout
@@ -76,9 +76,10 @@ def test_the_error_equals_the_one_in_matrix_form(declared, true_mode):
     model = world.tau, world.process_variance, np.full(2, world.measurement_variance)
     kalman = MatrixExtendedKalmanFilter(start, prior, radii[true_mode], *model)
     bank = MatrixKalmanFilter(start, np.eye(4), radii[declared], *model)
-    anchors = anchor_rows(layout, rows, np.zeros((2, 1, 4)), np.tile(prior, (2, 1, 1, 1)))
+    anchors = stated_anchors(layout, rows)
+    anchors.covariance[:] = prior
     for _ in range(TICKS):
-        filters.advance(rows, begins, anchors, np.zeros((2, 1)), begins)
+        filters.advance(rows, begins, anchors, begins)
         errors.advance(rows, begins, None)
         measurement = in_rows(layout, rows, False)[0]
         kalman.step(measurement)
@@ -133,7 +134,6 @@ def whitened_errors(episodes, alpha=0.003, robust=False, **options):
                 rows, _ = split_sensed(decider.layout, now.observation)
                 _, mean, covariance = now.state.errors.after(
                     now.state.filters,
-                    now.state.log_weights,
                     rows[decided],
                     decided,
                 )
