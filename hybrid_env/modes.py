@@ -13,8 +13,9 @@ import functools
 import math
 import re
 import warnings
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass, fields
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -74,9 +75,11 @@ class Mode(Checked):
     def __str__(self) -> str:
         return self.name
 
-    def as_json(self) -> str:
-        """Return the text, for files that name the options; warn if it is none of a mode."""
-        if mode_of_text(self.name) != self:
+    def as_json(self) -> Any:
+        """Return what `parse_modes` reads, for files that name the options; warn if no text names
+        the mode.
+        """
+        if type(mode_of_text(self.name)) is not type(self):
             warnings.warn(f"mode {self.name!r} has no text: a file has its name only", stacklevel=2)
         return self.name
 
@@ -242,6 +245,10 @@ class LinearMode(Mode):
         """See `Mode.matrices`."""
         return np.array(self.F), np.array(self.B), None if self.Q is None else np.array(self.Q)
 
+    def as_json(self) -> Any:
+        """See `Mode.as_json`."""
+        return asdict(self)
+
 
 KINDS: tuple[type[Mode], ...] = (Straight, Stop, TurnRate, Accelerate)
 """The modes that a text names by their words; turns are named by their side."""
@@ -276,8 +283,8 @@ def radii_of_modes(modes: Iterable[Mode]) -> tuple[float, ...]:
 
 
 def parse_modes(value: Any, name: str = "modes") -> tuple[Mode, ...] | None:
-    """Return modes of a text, or of a sequence of modes and texts. Raises `ArgumentError` for other
-    values.
+    """Return modes of a text, or of a sequence of modes, texts, and mappings with the fields of a
+    `LinearMode`. Raises `ArgumentError` for other values.
     """
     if value is None:
         return None
@@ -288,11 +295,19 @@ def parse_modes(value: Any, name: str = "modes") -> tuple[Mode, ...] | None:
     parts = value.split(",") if isinstance(value, str) else value
     if not isinstance(parts, (tuple, list)):
         raise reject(name, value, allowed)
-    modes = [part if isinstance(part, Mode) else mode_of_text(part) for part in parts]
+    modes = [mode_of(part) for part in parts]
     names = {mode.name for mode in modes if mode is not None}
     if not 2 <= len(modes) <= 1000 or len(names) < len(modes):
         raise reject(name, value, allowed)
     return tuple(mode for mode in modes if mode is not None)
+
+
+def mode_of(value: Any) -> Mode | None:
+    """Return a mode, or that of a text or of a mapping; None if there is none."""
+    if isinstance(value, Mapping):
+        with suppress(TypeError):
+            return LinearMode(**value)
+    return value if isinstance(value, Mode) else mode_of_text(value)
 
 
 def mode_of_text(text: Any) -> Mode | None:

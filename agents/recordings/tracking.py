@@ -3,7 +3,7 @@ afterwards, row by row.
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -18,7 +18,7 @@ from agents.evaluation.registry import (
 )
 from baselines.recordings.decisions import RowDecisions, decide_piece
 from baselines.recordings.imm_pass import TrackModel
-from baselines.recordings.model_fit import check_consistency, fit_model
+from baselines.recordings.model_fit import check_consistency, fit_model, with_stop
 from baselines.recordings.recording import Recording, make_recording
 from baselines.recordings.scatter import without_errors, without_standing
 from baselines.recordings.ticks import Piece, TickGrid, tick_grid
@@ -39,7 +39,7 @@ from hybrid_env.checks import (
 )
 from hybrid_env.durations import parse_durations
 from hybrid_env.limits import Ticks, distinct_radii
-from hybrid_env.modes import Stop, parse_modes
+from hybrid_env.modes import parse_modes
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.sensors import Radar
@@ -192,7 +192,7 @@ class TrackedRecording:
             "measurement_variance": float(model.measurement_variance),
             "process_variance": float(model.process_variance),
             "radii": [float(radius) for radius in model.radii],
-            "modes": list(map(str, model.modes)),
+            "modes": [mode.as_json() for mode in model.modes],
             "duration": float(model.duration),
             "speed": float(model.speed),
             "estimated": list(model.estimated),
@@ -300,19 +300,18 @@ class TrackingArguments(ErrorArguments):
             variance = self.measurement_variance
             raise reject("measurement_variance", variance, "none with radar, which has its own")
         grid, outliers = without_errors(tick_grid(recording), jumps=not self.lengths)
-        moving, standing = (grid, 0) if self.lengths else without_standing(grid)
+        modes = parse_modes(self.modes) or ()
+        moving, standing = (grid, 0) if self.lengths or modes else without_standing(grid)
         lengths = self._lengths(grid)
         duration = None if self.durations is None else parse_durations(self.durations).mean_duration
         variances = self.measurement_variance, self.process_variance
-        modes = parse_modes(self.modes) or ()
         model = fit_model(moving, self.radii or None, *variances, duration, lengths, modes)
-        stops = standing > 0 and not modes
-        with_stops = with_stop(model) if stops else model
+        stops = with_stop(grid, model) if standing else model
         try:
-            tracker = self._tracker(lengths, grid, with_stops)
-            model, standing = with_stops, 0
+            tracker = self._tracker(lengths, grid, stops)
+            model, standing = stops, 0
         except ArgumentError:
-            if not stops:
+            if stops is model:
                 raise
             # The decider may know only straight motion and turns.
             grid = moving
@@ -397,12 +396,6 @@ class TrackingArguments(ErrorArguments):
             scales=model.scales,
             origin=(x, 0.0, y, 0.0),
         )
-
-
-def with_stop(model: TrackModel) -> TrackModel:
-    """Return a model with a stop as its last mode."""
-    modes = *model.all_modes, Stop()
-    return replace(model, modes=modes, estimated=(*model.estimated, "modes"))
 
 
 def track_recording(

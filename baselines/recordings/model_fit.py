@@ -13,7 +13,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from baselines.recordings.imm_pass import Chunks, TrackModel, grid_chunks, run_pass
+from baselines.recordings.imm_pass import Pass, TrackModel, grid_chunks, run_pass
 from baselines.recordings.scatter import (
     median_speed,
     noise_estimate,
@@ -23,7 +23,7 @@ from baselines.recordings.ticks import TickGrid
 from baselines.recordings.track_modes import in_units
 from hybrid_env.checks import ArgumentError, FloatArray
 from hybrid_env.compiled import LANES
-from hybrid_env.modes import Mode, radii_of_modes
+from hybrid_env.modes import Mode, Stop, radii_of_modes
 
 # Turns of a tick that are tried [rad]: 0.004 to 1.02.
 ANGLES = tuple(float(angle) for angle in 0.004 * 2.0 ** (0.5 * np.arange(17)))
@@ -45,10 +45,10 @@ def fit_model(
     modes: tuple[Mode, ...] = (),
 ) -> TrackModel:
     """Find what is not given of a model by maximum likelihood; a recording that does not move is
-    refused, and one that stands for a while, see `_check_radii`. Without radii [unit of length] and
-    modes, one to three radii are proposed, as many as the Bayesian information criterion allows.
-    With a radar R is its `nominal_variance`. With lengths, the ticks between known switches, the
-    mean duration has no effect.
+    refused, and one that stands for a while, see `_radii_of_noise`. Without radii [unit of length]
+    and modes, one to three radii are proposed, as many as the Bayesian information criterion
+    allows. With a radar R is its `nominal_variance`. With lengths, the ticks between known
+    switches, the mean duration has no effect.
     """
     # Smallest standard deviation of a measurement, over the median motion of a tick.
     smallest_noise = 1e-4
@@ -108,7 +108,7 @@ def fit_model(
     if lengths:
         duration = float(np.mean(lengths))
     if duration is None:
-        duration = _counted_duration(chunks, best)
+        duration = _counted_duration(run_pass(chunks, best))
         free.append("duration")
     fitted = TrackModel(
         tuple(sorted(radius * scale for radius in best.radii) if radii is None else radii),
@@ -122,23 +122,25 @@ def fit_model(
         tuple(sorted(radius * scale for radius in better)),
         modes,
     )
-    if turns and {"radii", "measurement_variance"} <= set(free):
-        _check_radii(fitted)
+    wrong = _radii_of_noise(fitted)
+    if turns and wrong and {"radii", "measurement_variance"} <= set(free):
+        raise ArgumentError(
+            "the object stands still in a part of the recording, which looks like turns of radius"
+            f" {wrong[0]:.3g}, below three standard deviations of the noise, or more than a turn in"
+            " a tick: cut that part out, or give --radii"
+        )
     return fitted
 
 
-def _check_radii(model: TrackModel) -> None:
-    """Refuse found radii that no moving object has: they are the noise while it stands."""
+def _radii_of_noise(model: TrackModel) -> list[float]:
+    """Return the radii that no moving object has: they are the noise while it stands."""
     step = model.speed * model.tau
-    # Of a turn that is told from a standing object.
     smallest_radius = 3.0 * math.sqrt(model.measurement_variance)
-    for radius in model.radii:
-        if radius < smallest_radius < 3.0 * step or step / radius > 2.0 * math.pi:
-            raise ArgumentError(
-                "the object stands still in a part of the recording, which looks like turns of"
-                f" radius {radius:.3g}, below {smallest_radius:.3g} (three standard deviations of"
-                " the noise) or more than a turn in a tick: cut that part out, or give --radii"
-            )
+    return [
+        radius
+        for radius in model.radii
+        if radius < smallest_radius < 3.0 * step or step / radius > 2.0 * math.pi
+    ]
 
 
 def nominal_variance(grid: TickGrid) -> float:
@@ -185,7 +187,8 @@ def _more_radii(
         candidate = _refine(likelihood, candidate, free)
         likeliest = likelihood(candidate)
         closest = np.diff(np.sort(np.log(candidate.radii))).min()
-        if likeliest < value + penalty + CLEARLY or closest < distinct:
+        clearer = likeliest >= value + penalty + CLEARLY
+        if not clearer or closest < distinct or _radii_of_noise(candidate):
             break
         best = candidate
         value = likeliest
@@ -244,12 +247,27 @@ def _refine(likelihood: Likelihood, start: TrackModel, free: list[str]) -> Track
     return parameters(cost.x)
 
 
-def _counted_duration(chunks: Chunks, model: TrackModel) -> float:
+def with_stop(grid: TickGrid, model: TrackModel) -> TrackModel:
+    """Return the model of the moving parts of a recording, with a stop as its last mode and a mean
+    duration that counts the stops; the model itself if a stop explains the recording no better, as
+    that of an object that is slow for a moment.
+    """
+    modes = *model.all_modes, Stop()
+    stopping = replace(model, modes=modes, estimated=(*model.estimated, "modes"))
+    moves, stops = (each.run(grid, (), 2048)[0] for each in (model, stopping))
+    if stops.log_likelihood < moves.log_likelihood + CLEARLY:
+        return model
+    if "duration" in model.estimated:
+        stopping = replace(stopping, duration=_counted_duration(stops))
+    return stopping
+
+
+def _counted_duration(result: Pass) -> float:
     """Return the mean duration of a mode [ticks] by the changes of the most probable one, as the
     likelihood says little about it. Short changes, made by noise, do not count; without one it is
     the duration of the recording.
     """
-    probabilities = run_pass(chunks, model).probabilities
+    probabilities = result.probabilities
     changes = 0
     total = 0
     for lane in np.moveaxis(probabilities, 3, 1).reshape(-1, *probabilities.shape[1:3]):

@@ -127,7 +127,8 @@ def without_standing(grid: TickGrid) -> tuple[TickGrid, int]:
 
     A part is a window in which positions vary by no more than the noise, or by 3 % of the way that
     the object covers elsewhere in this time. The window is so long that a moving object leaves the
-    noise. An object that stands for most of the time is not told from noise.
+    noise, which it does not where it turns back. An object that stands for most of the time is not
+    told from noise.
     """
     noise = noise_estimate(grid)
     # A quarter of the steps is longer, also if the object stands for half of the time. With equal
@@ -137,7 +138,7 @@ def without_standing(grid: TickGrid) -> tuple[TickGrid, int]:
     if noise is None or step == 0.0 or grid.radar is not None:
         return grid, 0
     # A moving object covers 12 standard deviations of the noise in a window.
-    window = max(20, math.ceil(12.0 * math.sqrt(2.0 * noise) / step))
+    window = max(5, math.ceil(12.0 * math.sqrt(2.0 * noise) / step))
     largest = max(
         2.0 * noise * (1.0 + 3.0 / math.sqrt(window)),
         (0.03 * step * window) ** 2,
@@ -146,7 +147,7 @@ def without_standing(grid: TickGrid) -> tuple[TickGrid, int]:
     count = 0
     for piece in grid.pieces:
         rows = np.flatnonzero(piece.measured)
-        if len(rows) < 4 * window:
+        if len(rows) < window:
             pieces.append(piece)
             continue
         positions = piece.measurements[rows] - piece.measurements[rows].mean(axis=0)

@@ -11,8 +11,10 @@ def in_units(mode: Mode, length: float, velocity: float, tau: float, speed: floa
     """Return a mode of ticks of length tau for positions times `length` and velocities times
     `velocity`.
 
-    After a stop the object may leave in any direction: the deviation of each velocity is its usual
-    speed. While it stands, its position may drift by 3 % of a usual step in a tick.
+    A stop forgets the velocity, which that of an environment keeps: an object of a recording may
+    leave in any direction, which a filter with the velocity of before follows late. The deviation
+    of each velocity is the usual speed. While the object stands, its position may drift by 3 % of a
+    usual step in a tick.
     """
     rate = velocity / length
     if isinstance(mode, Straight):

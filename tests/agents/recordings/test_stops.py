@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from agents.cli import main
+from agents.interface.output_files import write_json
 from agents.recordings.tracking import track_recording
 from baselines import OnlineTracker
 from baselines.recordings.track_modes import in_units
@@ -94,6 +95,35 @@ def test_stops_are_found(name):
     assert np.isnan(radii[stands]).all()
     assert tracked.standing == 0
     assert "modes" in tracked.model.estimated
+
+
+@pytest.mark.parametrize("name", ["walker", "robot", "ship"])
+@pytest.mark.parametrize("ticks", [5, 10, 20])
+def test_short_stops_are_found(name, ticks):
+    """Also by a sensor that is off for a while after every 60 rows, so that pieces are short."""
+    speed, tau, deviation, _, parts = OBJECTS[name]
+    radius = max(value for mode, _, value in parts if mode in "LR")
+    round_trip = [("S", 30, 0.0), ("L", 30, radius), ("S", 20, 0.0), ("stop", ticks, 0.0)]
+    positions, modes = travel(4 * [*round_trip, ("S", 20, -1.0)], speed * tau)
+    positions += np.random.default_rng(5).normal(0.0, deviation, positions.shape)
+    rows = np.arange(len(modes))
+
+    for times in (rows, rows + 100 * (rows // 60)):
+        tracked = track_recording(tau * times, positions)
+
+        letters, _ = tracked.of_modes(tracked.modes)
+        assert tracked.mode_names() == ["S", "L", "R", "stop"]
+        assert np.mean(letters == modes) > 0.7
+        assert np.mean((letters == "stop")[modes == "stop"]) > 0.7
+
+
+def test_an_object_that_is_slow_for_a_moment_does_not_stop():
+    """It brakes and goes back on a line, again and again."""
+    speed = 3.0 * np.clip(1.5 * np.cos(np.arange(600) * np.pi / 40.0), -1.0, 1.0)
+    positions = np.cumsum(speed)[:, None] * np.array([0.8, 0.6])
+    positions += np.random.default_rng(2).normal(0.0, 1.0, positions.shape)
+
+    assert track_recording(None, positions).mode_names() == ["S", "L", "R"]
 
 
 def test_a_car_brakes_at_lights_and_drives_on():
@@ -188,8 +218,8 @@ def test_modes_may_be_given(tmp_path, capsys):
         track_recording(times, positions, modes="straight, jump")
 
 
-def test_a_recording_of_an_oscillator_is_tracked_by_linear_modes():
-    """Two frequencies, of which no line and no arc is part."""
+def test_a_recording_of_an_oscillator_is_tracked_by_linear_modes(tmp_path):
+    """Two frequencies, of which no line and no arc is part; the file has their matrices."""
     rng = np.random.default_rng(0)
 
     def swing(angle, name):
@@ -209,6 +239,12 @@ def test_a_recording_of_an_oscillator_is_tracked_by_linear_modes():
 
     assert tracked.mode_names() == ["fast", "slow"]
     assert np.mean(tracked.modes == truth) > 0.9
+    write_json(tmp_path / "track.json", tracked.settings())
+    tracker = OnlineTracker.from_recording(tmp_path / "track.json")
+    assert tracker.options == OnlineTracker.from_recording(tracked).options
+    live = [tracker.update(point) for point in measured]
+    np.testing.assert_allclose(live[-1].estimate, tracked.estimates[-1])
+    assert [now.mode for now in live[-50:]] == tracked.modes[-50:].tolist()
 
 
 @pytest.mark.parametrize("mode", [Turn(-3.0), TurnRate(0.2), Accelerate(0.7)])
