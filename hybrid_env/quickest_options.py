@@ -93,6 +93,8 @@ class QuickestOptions(ModelOptions):
         object.__setattr__(self, "transitions", check_transitions(self.transitions, names))
         allowed = Annotated[float, Interval(ge=0.0, le=1.0 - 1.0 / self.hypotheses)] | None
         object.__setattr__(self, "hazard", checked("hazard", self.hazard, allowed))
+        if len({*self.law_places.tolist()}) < len(self.laws):
+            raise reject("durations", str(self.law), f"only laws of {', '.join(names)}")
         self._check_ratios(self.radii)
 
     @property

@@ -190,7 +190,7 @@ class Compare(WorldArguments, TrustArguments, Workers):
         """Return a decider, or the recipe of an agent still to be trained."""
         is_recipe = name in recipe_names() and name not in shipped_names(self.task.switches)
         if is_recipe or str(name).endswith(RECIPE_FILES):
-            return load_recipe(name, self.task.env_id)
+            return load_recipe(name, self.task.env_id, own_modes="modes" in self.task.given)
         return find_decider(name, self.task.options)
 
     @cached_property

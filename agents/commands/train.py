@@ -45,7 +45,8 @@ class Train(WorldArguments):
         from agents.training.recipe import load_recipe
 
         # A wrong name is refused before PyTorch is imported, which is slow.
-        recipe = load_recipe(self.recipe, self.env_id, self.set)
+        options = self.world_options()
+        recipe = load_recipe(self.recipe, self.env_id, self.set, "modes" in options)
         from agents.training.runs import make_run, resume_run
 
         if self.resume is not None:
@@ -56,7 +57,7 @@ class Train(WorldArguments):
         else:
             name = find_algorithm(recipe.algo).run_name(self.env_id, recipe.name)
             folder = self.out or Path("runs") / f"{name}-seed{self.seed}"
-            run = make_run(self.env_id, self.world_options(), recipe, self.seed, folder, self.steps)
+            run = make_run(self.env_id, options, recipe, self.seed, folder, self.steps)
         from rich.console import Console
 
         from agents.interface.progress import progress_display

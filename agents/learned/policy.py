@@ -25,7 +25,14 @@ class ObservationFeatures(BaseFeaturesExtractor):
     """Features extractor that selects quantities of an observation row by name.
 
     `observe` has keys of the layout, or "posterior": the posterior of each hypothesis, under equal
-    priors where the observation has no probabilities.
+    priors where the observation has no probabilities. With modes of the user, whose rows have
+    numbers of any size, PPO learns much better from the posterior and the time alone:
+
+        keywords = {
+            "features_extractor_class": ObservationFeatures,
+            "features_extractor_kwargs": {"observe": ("posterior", "ticks", "ticks_left")},
+        }
+        model = PPO("MlpPolicy", gym.make(id, modes=modes), policy_kwargs=keywords)
     """
 
     def __init__(

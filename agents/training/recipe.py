@@ -1,7 +1,8 @@
 """Training recipes: hyper-parameters as YAML in the format of RL Baselines3 Zoo, one file per
 recipe.
 
-A file has one entry per environment id, or `default` for any id. An entry names the algorithm
+A file has one entry per environment id, or `default` for any id, before which `modes` is for modes
+of the user. An entry names the algorithm
 (`algo`), the number of steps (`n_timesteps`) and the hyper-parameters by their names in the
 algorithm. `lin_6e-3` is a learning rate that decays linearly. Unlike in the zoo, no value is
 evaluated as Python.
@@ -45,13 +46,19 @@ def recipe_names() -> list[str]:
     return sorted(path.stem for path in FOLDER.glob("*.yml"))
 
 
-def load_recipe(name: str, env_id: str, changes: Sequence[str] = ()) -> Recipe:
+def load_recipe(
+    name: str,
+    env_id: str,
+    changes: Sequence[str] = (),
+    own_modes: bool = False,
+) -> Recipe:
     """Read a recipe.
 
     Args:
         name: of a recipe of the package, or the path of a YAML file.
-        env_id: id whose entry is used; the entry `default` if there is none.
+        env_id: id whose entry is used; the entry `modes` or `default` if there is none.
         changes: hyper-parameters to override, each "name=value" with a value in YAML.
+        own_modes: whether the environment has modes of the user.
     """
     path = FOLDER / f"{name}.yml" if name in recipe_names() else Path(name)
     if path.suffix not in RECIPE_FILES and not path.is_file():
@@ -61,7 +68,10 @@ def load_recipe(name: str, env_id: str, changes: Sequence[str] = ()) -> Recipe:
     except (OSError, ValueError) as error:
         raise reject("recipe", name, f"a YAML file ({error})") from None
     short = env_id.rpartition(":")[2]
-    entry = entries.get(short, entries.get("default")) if isinstance(entries, dict) else None
+    entry = None
+    if isinstance(entries, dict):
+        names = [short, *["modes"] * own_modes, "default"]
+        entry = next((entries[name] for name in names if name in entries), None)
     if not isinstance(entry, dict):
         raise reject("recipe", name, f"a YAML file with an entry for {short} or default")
     entry = dict(entry)

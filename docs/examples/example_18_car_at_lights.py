@@ -14,9 +14,8 @@ from agents import train
 
 modes = "straight, accelerate -2, stop, accelerate 2, left 12, right 12"
 car = {"modes": modes, "speed": 12.0, "measurement_variance": 1.0, "process_variance": 0.01}
-changes = ["learning_rate=1e-3", "observe=[posterior, log_error_probability, ticks, ticks_left]"]
 random = car | {"scheme": "random 6x40-70"}
-policy = train("ppo", **random, steps=100_000, changes=changes)
+policy = train("ppo", **random, steps=100_000)
 
 # %%
 # All deciders face the same episodes, in random orders first. ATE has the bank of its paper; SPRT is the same test on the bank that

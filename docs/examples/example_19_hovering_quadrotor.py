@@ -43,8 +43,7 @@ from agents import train
 
 quadrotor = {"modes": modes, "tau": tau, "speed": 0.01, "process_variance": 0.01}
 random = quadrotor | {"scheme": "random 6x40-70"}
-changes = ["learning_rate=1e-3", "observe=[posterior, log_error_probability, ticks, ticks_left]"]
-policy = train("ppo", **random, steps=100_000, changes=changes)
+policy = train("ppo", **random, steps=100_000)
 
 # %%
 # All deciders face the same episodes, in random orders first. ATE has the bank of its paper; SPRT is the same test on the bank that

@@ -41,8 +41,7 @@ from agents import find_decider, train
 from baselines.rules.rollout import evaluate
 
 system = {"modes": modes, "tau": tau, "speed": 1.0, "measurement_variance": 0.01}
-changes = ["learning_rate=1e-3", "observe=[posterior, log_error_probability, ticks, ticks_left]"]
-policy = train("ppo", **system, steps=100_000, changes=changes)
+policy = train("ppo", **system, steps=100_000)
 env = gym.make("hybrid_env:HybridTrack-v0", **system)
 options = env.unwrapped.options
 results = {}

@@ -120,11 +120,13 @@ class EpisodeFigure:
         named = [self._truth, self._measured, self._switches, self._current]
         if not self.panel.ribbons:
             named += self._decisions[0].values()
-        for height, artists in ((0.095, named), (0.04, handles)):
+        for height, artists in ((0.14, named), (0.1, handles)):
+            longest = max(len(str(artist.get_label())) for artist in artists)
             self.figure.legend(
                 handles=artists,
-                ncol=len(artists),
-                loc="center",
+                # As many in a row as their names leave room for.
+                ncols=max(1, min(len(artists), 180 // (longest + 7))),
+                loc="upper center",
                 bbox_to_anchor=(0.5, height),
                 frameon=False,
                 fontsize=8,

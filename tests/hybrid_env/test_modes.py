@@ -349,9 +349,12 @@ def test_laws_of_durations_are_given_to_every_mode():
         1,
         0,
     ]
-    message = refused(HybridTrackQuickestVectorEnv, 1, modes="straight, stop", durations=durations)
+    message = refused(QuickestOptions, modes="straight, stop", durations=durations)
     assert message.startswith("durations=")
     assert "a law of 'stop'" in message
+    more = f"{durations}, stop uniform 6-7"
+    message = refused(QuickestOptions, modes="straight, left 3", durations=more)
+    assert message.endswith("expected only laws of straight, left 3")
 
 
 @pytest.mark.parametrize(
