@@ -170,7 +170,7 @@ def checked(name: str, value: Any, hint: Any) -> Any:
     elif dataclasses.is_dataclass(kind) and isinstance(value, Mapping):
         with suppress(TypeError):
             return kind(**value)  # type: ignore[operator]
-    elif not isinstance(origin, type) or isinstance(value, origin):
+    elif origin is Any or not isinstance(origin, type) or isinstance(value, origin):
         return value
     raise reject(name, value, described(hint))
 
@@ -295,11 +295,11 @@ def check_array(
     # False for NaN.
     finite = np.abs(array) <= LARGEST_NUMBER
     if not fits or not (finite | (missing & np.isnan(array))).all():
+        shape_given = "" if fits else f", not {given.shape}"
         raise reject(
             name,
             value,
-            f"numbers up to {LARGEST_NUMBER:g}, none masked, of shape ({allowed}), not"
-            f" {given.shape}",
+            f"numbers up to {LARGEST_NUMBER:g}, none masked, of shape ({allowed}){shape_given}",
         )
     return array
 

@@ -37,13 +37,18 @@ class Mode(Checked):
     heading at the switch turns into motion in the plane.
     """
 
-    # The words that name it in a text, in front of the values of its fields.
+    # The words that name it in a text, in front of the numbers of its fields: those of its class.
     words: ClassVar[str] = ""
+
+    def __init_subclass__(cls) -> None:
+        if "words" not in vars(cls):
+            cls.words = re.sub("(?<!^)([A-Z])", r" \1", cls.__name__).lower()
 
     @property
     def name(self) -> str:
         """Name in the text of an option."""
-        numbers = (f"{getattr(self, field.name):.15g}" for field in fields(self))
+        values = (getattr(self, field.name) for field in fields(self))
+        numbers = (f"{value:.15g}" for value in values if isinstance(value, (int, float)))
         return " ".join([self.words, *numbers])
 
     @property
@@ -88,8 +93,6 @@ class Mode(Checked):
 class Straight(Mode):
     """Motion with a constant velocity."""
 
-    words = "straight"
-
     @property
     def label(self) -> str:
         """See `Mode.label`."""
@@ -99,8 +102,6 @@ class Straight(Mode):
 @dataclass(frozen=True)
 class Stop(Mode):
     """The object stands. Its velocity in the state is that with which it moves on."""
-
-    words = "stop"
 
     def matrices(self, tau: float) -> Matrices:
         """See `Mode.matrices`."""
@@ -152,8 +153,6 @@ class TurnRate(Mode):
         rate: turn rate [rad/s], positive to the left.
     """
 
-    words = "turn rate"
-
     rate: Annotated[Nonzero, Unit("rad/s")]
 
     @property
@@ -183,8 +182,6 @@ class Accelerate(Mode):
     Attributes:
         acceleration: of the speed [m/s^2]; a negative one brakes.
     """
-
-    words = "accelerate"
 
     acceleration: Annotated[Nonzero, Unit("m/s^2")]
 
@@ -219,8 +216,10 @@ class LinearMode(Mode):
 
     def __post_init__(self) -> None:
         F = check_array("F", self.F, (None, None))
-        n = MOTION_STATES if len(F) == MOTION_STATES else 4
-        given = {"F": check_array("F", self.F, (n, n)), "B": np.zeros(n), "Q": None}
+        n = len(F)
+        if n not in PLACES or F.shape != (n, n):
+            raise reject("F", self.F, f"(4, 4) or (6, 6) numbers, not {F.shape}")
+        given = {"F": F, "B": np.zeros(n), "Q": None}
         if self.B is not None:
             given["B"] = check_array("B", self.B, (n,))
         if self.Q is not None:
@@ -288,18 +287,21 @@ def parse_modes(value: Any, name: str = "modes") -> tuple[Mode, ...] | None:
     """
     if value is None:
         return None
-    allowed = (
-        "2 to 1,000 different modes of hybrid_env.modes, or their names: 'straight', 'left 5',"
-        " 'right 5', 'stop', 'accelerate 0.5', 'turn rate 0.2'"
-    )
-    parts = value.split(",") if isinstance(value, str) else value
-    if not isinstance(parts, (tuple, list)):
-        raise reject(name, value, allowed)
-    modes = [mode_of(part) for part in parts]
-    names = {mode.name for mode in modes if mode is not None}
-    if not 2 <= len(modes) <= 1000 or len(names) < len(modes):
-        raise reject(name, value, allowed)
-    return tuple(mode for mode in modes if mode is not None)
+    modes: list[Mode] = []
+    parts = re.split(r"\s*,\s*", value) if isinstance(value, str) else value
+    for part in parts if isinstance(parts, (tuple, list)) else [value]:
+        mode = mode_of(part)
+        if mode is None:
+            allowed = (
+                "modes of hybrid_env.modes, or their names: 'straight', 'left 5', 'right 5',"
+                " 'stop', 'accelerate 0.5', 'turn rate 0.2'"
+            )
+            raise reject(name, part, allowed)
+        modes.append(mode)
+    names = [mode.name for mode in modes]
+    if not 2 <= len(modes) <= 1000 or len({*names}) < len(modes):
+        raise reject(name, names, "2 to 1,000 modes of different names")
+    return tuple(modes)
 
 
 def mode_of(value: Any) -> Mode | None:

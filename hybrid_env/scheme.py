@@ -131,7 +131,7 @@ def parse_scheme(value: "str | Scheme", name: str = "scheme") -> Scheme:
         try:
             pieces.append(Segment(mode, int(ticks), float(radius) if radius else None))
         except ValueError:
-            allowed = "words such as 'S50' or 'L50r3' (mode, ticks, radius), 'random 6x50-100'"
+            allowed = "'S50 L50r3' (mode, ticks, radius), '50 straight, 30 stop', 'random 6x50-100'"
             raise reject(
                 name, value, f"{allowed}, or a key of SCHEMES; not {word[:24]!r}"
             ) from None

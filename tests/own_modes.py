@@ -44,8 +44,6 @@ ROOT = np.array([[0.1, 0.0, 0.0], [0.5, 1.0, 0.0], [0.0, -0.1, 0.1], [0.3, 0.0, 
 class Halt(Mode):
     """A stop as a user writes it: the velocity is lost, and the object stands."""
 
-    words = "halt"
-
     def matrices(self, tau):
         """Return F, B and Q."""
         return np.diag([1.0, 0.0, 1.0, 0.0]), np.zeros(4), None

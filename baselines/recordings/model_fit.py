@@ -127,7 +127,7 @@ def fit_model(
         raise ArgumentError(
             "the object stands still in a part of the recording, which looks like turns of radius"
             f" {wrong[0]:.3g}, below three standard deviations of the noise, or more than a turn in"
-            " a tick: cut that part out, or give --radii"
+            " a tick: give --radii, or --modes with a stop"
         )
     return fitted
 

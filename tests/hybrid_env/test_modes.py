@@ -4,6 +4,8 @@ and schemes, types, texts and refusals.
 
 import copy
 import pickle
+from dataclasses import dataclass
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -295,6 +297,21 @@ def test_a_text_stands_for_modes_which_have_a_text_again():
         assert options(modes="straight, left 3, left 5, right 3, right 5") == options(radii=(3, 5))
 
 
+@dataclass(frozen=True)
+class HardBrake(Halt):
+    """A mode whose class gives its name."""
+
+    share: float = 0.5
+    gain: Any = ((1.0, 0.0), (0.0, 1.0))
+    place: str = "at a kerb"
+
+
+def test_the_class_and_its_numbers_name_a_mode():
+    assert HardBrake.words == HardBrake().type == "hard brake"
+    assert HardBrake().name == "hard brake 0.5"
+    assert WorldOptions(modes=(Halt(), HardBrake()), scheme="9 hard brake 0.5").hypotheses == 2
+
+
 @pytest.mark.parametrize(
     ("kind", "name"),
     [(Turn, "radius"), (TurnRate, "rate"), (Accelerate, "acceleration")],
@@ -305,18 +322,21 @@ def test_numbers_of_modes_beyond_the_declared_ones_are_refused(kind, name):
 
 REFUSED = {
     "modes": (
-        ({"modes": "straight"}, "expected 2 to 1,000 different modes"),
-        ({"modes": "straight, left"}, "'left 5'"),
-        ({"modes": "straight, straight"}, "different"),
-        ({"modes": "straight, sideways 3"}, "'turn rate 0.2'"),
-        ({"modes": (Straight(), 5)}, "different modes"),
-        ({"modes": 5}, "different modes"),
-        ({"modes": (Stop(), LinearMode(np.eye(4), name="stop"))}, "different modes"),
+        ({"modes": "straight"}, "['straight'] is not allowed: expected 2 to 1,000 modes"),
+        ({"modes": ()}, "2 to 1,000 modes"),
+        ({"modes": "straight, left"}, "modes='left' is not allowed"),
+        ({"modes": "straight, straight"}, "different names"),
+        ({"modes": "straight, sideways 3, stop"}, "'sideways 3' is not allowed"),
+        ({"modes": (Straight(), 5)}, "modes=5"),
+        ({"modes": [Straight(), Stop]}, "modes=<class"),
+        ({"modes": 5}, "'turn rate 0.2'"),
+        ({"modes": (Stop(), LinearMode(np.eye(4), name="stop"))}, "['stop', 'stop']"),
         ({"modes": (Stop(), LinearMode(1.1 * np.eye(4), name="up"))}, "at most 1e9 times"),
     ),
     "scheme": (
         ({"modes": "straight, stop", "scheme": "50 straight, 9 left 5"}, "straight"),
         ({"modes": "straight, stop", "scheme": "L50r5"}, "straight, stop"),
+        ({"modes": "straight, stop", "scheme": "straight, stop"}, "'50 straight, 30 stop'"),
         ({"scheme": "50 stop"}, "straight, left, right"),
         ({"scheme": "50 turn rate 1"}, "straight, left, right"),
     ),
@@ -361,6 +381,7 @@ def test_laws_of_durations_are_given_to_every_mode():
     ("name", "given"),
     [
         ("F", {"F": np.eye(3)}),
+        ("F", {"F": np.ones((6, 4))}),
         ("F", {"F": "I"}),
         ("F", {"F": np.full((4, 4), np.nan)}),
         ("B", {"F": np.eye(4), "B": np.zeros(6)}),
@@ -374,6 +395,11 @@ def test_laws_of_durations_are_given_to_every_mode():
 )
 def test_matrices_that_are_not_allowed_are_refused_in_one_line(name, given):
     assert refused(LinearMode, **given).startswith(f"{name}=")
+
+
+def test_a_shape_that_fits_is_not_named_as_the_reason():
+    assert refused(LinearMode, F=np.full((4, 4), np.nan)).endswith("of shape (*, *)")
+    assert refused(LinearMode, F=np.eye(5)).endswith("not (5, 5)")
 
 
 class Wrong(Halt):
