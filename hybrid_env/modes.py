@@ -13,6 +13,7 @@ import functools
 import math
 import re
 import warnings
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, fields
@@ -32,9 +33,9 @@ PLACES = {4: (0, 1, 2, 3), MOTION_STATES: (0, 1, 4, 2, 3, 5)}
 
 
 @dataclass(frozen=True)
-class Mode(Checked):
-    """A mode of motion. A subclass has `matrices`, or a radius or an acceleration, which the
-    heading at the switch turns into motion in the plane.
+class Mode(Checked, ABC):
+    """A mode of motion. A subclass has `matrices`; turns of a radius and accelerations depend also on
+    the heading at the switch.
     """
 
     # The words that name it in a text, in front of the numbers of its fields: those of its class.
@@ -71,11 +72,11 @@ class Mode(Checked):
         """Acceleration along the heading at the switch [m/s^2]."""
         return 0.0
 
+    @abstractmethod
     def matrices(self, tau: float) -> Matrices:
         """Return F (n, n), B (n,) and Q (n, n) of a tick of length tau [s], for n = 4 or 6 states.
         Q = None is the noise of the option `process_variance` on each velocity.
         """
-        return constant_acceleration(tau), np.zeros(MOTION_STATES), None
 
     def __str__(self) -> str:
         return self.name
@@ -97,6 +98,10 @@ class Straight(Mode):
     def label(self) -> str:
         """See `Mode.label`."""
         return "S"
+
+    def matrices(self, tau: float) -> Matrices:
+        """See `Mode.matrices`."""
+        return constant_acceleration(tau), np.zeros(MOTION_STATES), None
 
 
 @dataclass(frozen=True)
@@ -143,6 +148,10 @@ class Turn(Mode):
     def signed_radius(self) -> float:
         """See `Mode.signed_radius`."""
         return self.radius
+
+    def matrices(self, tau: float) -> Matrices:
+        """See `Mode.matrices`: without the turn, which depends on the heading at the switch."""
+        return Straight().matrices(tau)
 
 
 @dataclass(frozen=True)
@@ -194,6 +203,10 @@ class Accelerate(Mode):
     def starting_acceleration(self) -> float:
         """See `Mode.starting_acceleration`."""
         return self.acceleration
+
+    def matrices(self, tau: float) -> Matrices:
+        """See `Mode.matrices`."""
+        return Straight().matrices(tau)
 
 
 @dataclass(frozen=True)
