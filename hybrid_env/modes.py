@@ -34,8 +34,8 @@ PLACES = {4: (0, 1, 2, 3), MOTION_STATES: (0, 1, 4, 2, 3, 5)}
 
 @dataclass(frozen=True)
 class Mode(Checked, ABC):
-    """A mode of motion. A subclass has `matrices`; turns of a radius and accelerations depend also on
-    the heading at the switch.
+    """A mode of motion. A subclass has `matrices`; turns of a radius and accelerations along the
+    heading depend also on the velocity at the switch.
     """
 
     # The words that name it in a text, in front of the numbers of its fields: those of its class.

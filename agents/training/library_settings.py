@@ -63,6 +63,5 @@ class LibrarySettings(Checked):
     def keywords(self) -> dict[str, Any]:
         """Plain keywords of the algorithm."""
         base: Any = LibrarySettings
-        ours = declared_fields(base).keys() | {"reward_scale"}
-        names = (declared_fields(type(self)).keys() - ours) | {"gamma"}
-        return {name: getattr(self, name) for name in names}
+        ours = declared_fields(base).keys() - {"gamma"} | {"reward_scale"}
+        return {name: value for name, value in vars(self).items() if name not in ours}

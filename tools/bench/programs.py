@@ -82,7 +82,7 @@ def training() -> Iterator[Measurement]:
     from stable_baselines3 import PPO
     from stable_baselines3.common.env_util import make_vec_env
 
-    from agents.training.vec_env import HybridTrackVecEnv
+    from agents import as_vec_env
 
     torch.set_num_threads(1)
     recipe = load_recipe("ppo", "HybridTrackPublished-v0").settings
@@ -97,7 +97,7 @@ def training() -> Iterator[Measurement]:
         "device": "cpu",
         "seed": 0,
     }
-    env = HybridTrackVecEnv(num_envs=tracks)
+    env = as_vec_env(num_envs=tracks)
     inside = [0.0]
     plain = env.step_wait
 
