@@ -39,7 +39,6 @@ NotNegative = Annotated[int, Ge(0)]
 Positive = Annotated[float, Gt(0.0)]
 PositiveOrZero = Annotated[float, Ge(0.0)]
 Share = Annotated[float, Interval(ge=0.0, lt=1.0)]
-UnitInterval = Annotated[float, Interval(ge=0.0, le=1.0)]
 Probability = Annotated[float, Interval(gt=0.0, lt=1.0)]
 
 # Magnitude of an element of an array; its square must not overflow.

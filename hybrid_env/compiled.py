@@ -3,22 +3,21 @@ their formulas. The only way to the compiled core from outside `hybrid_env`.
 """
 
 from hybrid_env.core.banks import operations as operations
-from hybrid_env.core.banks import published
 from hybrid_env.core.banks.anchor_aware import begin_hypothesis as begin_hypothesis
-from hybrid_env.core.banks.anchor_aware import covariance_of as covariance_of
 from hybrid_env.core.banks.anchor_aware import sense_hypothesis as sense_hypothesis
-from hybrid_env.core.banks.anchor_aware import set_state as set_state
-from hybrid_env.core.banks.anchor_aware import state_of as state_of
+from hybrid_env.core.banks.anchor_aware import sense_motion as sense_motion
 from hybrid_env.core.banks.bank import IDENTITY as IDENTITY
 from hybrid_env.core.banks.bank import FilterModel as FilterModel
 from hybrid_env.core.banks.bank import bank_arrays as bank_arrays
+from hybrid_env.core.banks.bank import covariance_of as covariance_of
 from hybrid_env.core.banks.bank import estimate_of as estimate_of
 from hybrid_env.core.banks.bank import likeliest as likeliest
 from hybrid_env.core.banks.bank import likeliest_of_type as likeliest_of_type
 from hybrid_env.core.banks.bank import set_estimate as set_estimate
+from hybrid_env.core.banks.bank import set_state as set_state
 from hybrid_env.core.banks.bank import signed_radius as signed_radius
+from hybrid_env.core.banks.bank import state_of as state_of
 from hybrid_env.core.banks.dense import begin_motion as begin_motion
-from hybrid_env.core.banks.dense import sense_motion as sense_motion
 from hybrid_env.core.banks.extended_kalman import turn_coefficients as turn_coefficients
 from hybrid_env.core.banks.sensing import write_measured as write_measured
 from hybrid_env.core.compilation import compiled as compiled
@@ -46,6 +45,3 @@ from hybrid_env.core.memory import lanes_of as lanes_of
 from hybrid_env.core.memory import triangle_of as triangle_of
 from hybrid_env.core.observation_row import LOG_FLOOR as LOG_FLOOR
 from hybrid_env.core.polar import position_noise as position_noise
-
-begin_published, step_published = published.begin, published.step
-follow_published, covariance_published = published.follow, published.covariance

@@ -167,7 +167,7 @@ class ModelOptions(Checked):
     @property
     def hypotheses(self) -> int:
         """M, the number of hypotheses."""
-        return 2 * len(self.radii) + 1 if self.modes is None else len(self.modes)
+        return len(self.all_modes)
 
     @property
     def all_modes(self) -> tuple[Mode, ...]:

@@ -52,12 +52,13 @@ def _step_one(bank: Any, rows: FloatArray, measured: Any, sensors: Any, model: F
     """Advance every filter by what is measured in lane 0; NaN is none."""
     noise = model.variance_x, 0.0, model.variance_y
     measurement = measured[0].measurement
-    for h in range(bank.hypotheses.size):
+    modes = bank.hypotheses.size
+    for h in range(modes):
         write_innovation(rows[h], bank, h, 0, measurement, noise, model)
     if math.isnan(measurement[0, 0]):
-        operations.sense(bank, 0, 0, bank.hypotheses.size, measured[0], sensors, model)
+        operations.sense(bank, 0, 0, modes, measured[0], sensors, model)
     else:
-        operations.step(bank, 0, 1, measurement, model)
+        operations.step(bank, 0, modes, 0, 1, measurement, model)
     for h in range(bank.hypotheses.size):
         write_estimate(rows[h], bank, h, 0)
 

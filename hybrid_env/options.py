@@ -130,9 +130,7 @@ class WorldOptions(ModelOptions):
     def table(self) -> FloatArray:
         """Segments in order, or the modes to draw from, see `scheme.segment_table`."""
         assert not isinstance(self.scheme, str)
-        return segment_table(
-            self.scheme, self.radii, None if self.modes is None else self.all_modes
-        )
+        return segment_table(self.scheme, self.all_modes)
 
     @property
     def _lengths(self) -> list[int]:

@@ -160,9 +160,7 @@ class QuickestOptions(ModelOptions):
     @property
     def table(self) -> FloatArray:
         """One row for each mode, see `scheme.segment_table`."""
-        return segment_table(
-            RandomScheme(), self.radii, None if self.modes is None else self.all_modes
-        )
+        return segment_table(RandomScheme(), self.all_modes)
 
     @property
     def laws(self) -> tuple[SimpleDurations, ...]:

@@ -11,11 +11,17 @@ from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 from annotated_types import Len
-from numpy.typing import ArrayLike
 
 from hybrid_env.checks import Checked, FloatArray, checked, reject, unknown
 from hybrid_env.limits import Quantity, Ticks, distinct_radii
-from hybrid_env.modes import Mode, Straight, Turn, mode_of_text
+from hybrid_env.modes import (
+    Mode,
+    Straight,
+    Turn,
+    mode_of_text,
+    modes_of_radii,
+    radii_of_modes,
+)
 
 
 @dataclass(frozen=True)
@@ -146,55 +152,27 @@ def _named_segment(name: str, length: int) -> Segment:
     return Segment("S" if isinstance(mode, Straight) else name, length)
 
 
-def nearest_mode(signed_radius: float, radii: ArrayLike) -> int:
-    """Return the index of the hypothesis on the same side with the closest curvature; 0 is
-    straight.
-    """
-    if signed_radius == 0.0:
-        return 0
-    bank: FloatArray = np.asarray(radii, float)
-    nearest = int(np.abs(1.0 / bank - 1.0 / abs(signed_radius)).argmin())
-    return 1 + nearest + (bank.size if signed_radius < 0 else 0)
-
-
-def _table_of_modes(scheme: Scheme, modes: Sequence[Mode]) -> FloatArray:
-    """Return the segment table of modes of the user."""
-    names = [mode.name for mode in modes]
-    if isinstance(scheme, RandomScheme):
-        if scheme.radii is not None:
-            raise reject(
-                "scheme", str(scheme), "a scheme without radii: object and bank have modes"
-            )
-        segments = [(mode, 0) for mode in range(len(modes))]
-    else:
-        for piece in scheme.pieces:
-            if piece.name not in names:
-                raise unknown("scheme", piece.name, names)
-        segments = [(names.index(piece.name), piece.length) for piece in scheme.pieces]
-    return np.array([(modes[mode].signed_radius, mode, length) for mode, length in segments], float)
-
-
-def segment_table(
-    scheme: Scheme,
-    radii: ArrayLike,
-    modes: Sequence[Mode] | None = None,
-) -> FloatArray:
+def segment_table(scheme: Scheme, modes: Sequence[Mode]) -> FloatArray:
     """Return the segment table, (segments, columns), with columns `core.memory.SEGMENT_COLUMNS`. A
-    random scheme has one row per mode, equally likely, with length 0. radii: of the bank [m];
-    modes: of the user, None for straight motion and turns of these radii.
+    random scheme has one row per mode, equally likely, with length 0. A turn of a radius that the
+    option `radii` leaves out is the mode on the same side with the closest curvature.
     """
-    if modes is not None:
-        return _table_of_modes(scheme, modes)
-    bank = np.asarray(radii, float)
     if isinstance(scheme, FixedScheme):
-        for piece in scheme.pieces:
-            if piece.mode not in ("S", "L", "R"):
-                raise unknown("scheme", piece.mode, ["straight", "left", "right"])
-        segments = [(piece.signed_radius, piece.length) for piece in scheme.pieces]
+        segments = [(piece.signed_radius or piece.name, piece.length) for piece in scheme.pieces]
     else:
-        radii_of_object = bank if scheme.radii is None else np.asarray(scheme.radii)
-        segments = [(signed, 0) for signed in (0.0, *radii_of_object, *-radii_of_object)]
-    return np.array(
-        [(signed, nearest_mode(signed, bank), length) for signed, length in segments],
-        np.float64,
-    )
+        drawn = modes if scheme.radii is None else modes_of_radii(scheme.radii)
+        segments = [(mode.signed_radius or mode.name, 0) for mode in drawn]
+    # By the radius of a turn, or the name of another mode.
+    places = {mode.signed_radius or mode.name: k for k, mode in enumerate(modes)}
+    by_radii = tuple(modes) == modes_of_radii(radii_of_modes(modes))
+    table = []
+    for key, length in segments:
+        radius = key if isinstance(key, float) else 0.0
+        if key not in places and by_radii and radius:
+            turns = [other for other in places if isinstance(other, float) and other * radius > 0.0]
+            places[key] = places[min(turns, key=lambda other: abs(1.0 / other - 1.0 / radius))]
+        if key not in places:
+            name = Turn(radius).name if radius else key
+            raise unknown("scheme", name, [mode.name for mode in modes])
+        table.append((radius, places[key], length))
+    return np.array(table, float)

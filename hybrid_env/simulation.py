@@ -12,6 +12,7 @@ from hybrid_env.core.compilation import compiled, prepare
 from hybrid_env.core.memory import BLOCK, LANES, PARAMETERS, SENSOR, aligned_zeros
 from hybrid_env.core.true_object import begin_motion, move
 from hybrid_env.limits import Quantity, QuantityOrZero, axis_variances
+from hybrid_env.modes import modes_of_radii
 from hybrid_env.noises import Noise, parse_noise
 from hybrid_env.scheme import FixedScheme, parse_scheme, segment_table
 
@@ -97,7 +98,7 @@ def simulate(
     blocks["random_state"] = streams.reshape(number, LANES, 4).swapaxes(1, 2)
     blocks["truth"] = check_array("start", start, (4,))[:, None]
     # The modes in the table, by some radius, are not used.
-    table = segment_table(fixed, [1.0])
+    table = segment_table(fixed, modes_of_radii((1.0,)))
     lengths = np.array([piece.length for piece in fixed.pieces])
     truth = np.empty((number * LANES, lengths.sum(), 4))
     measurements = np.empty((number * LANES, lengths.sum(), 2))

@@ -114,7 +114,7 @@ class World:
             setattr(self, name, array)
         self.bank = bank(**filters)
         self.action_mask[:] = 1
-        self._kept = state | {f"bank.{name}": filters[name] for name in declared(bank, "tracks")}
+        self._kept = state | {f"bank.{name}": filters[name] for name in declared(bank, "block")}
         self._constant = constant
         self._bind(parameters, state | filters | constant)
 

@@ -33,16 +33,13 @@ from hybrid_env.compiled import (
     FilterModel,
     PublishedBank,
     bank_arrays,
-    begin_published,
     compiled,
-    covariance_published,
     estimate_of,
-    follow_published,
     internal,
     likeliest,
     likeliest_of_type,
+    operations,
     set_estimate,
-    step_published,
 )
 from hybrid_env.limits import Quantity, QuantityOrZero, axis_variances, distinct_radii
 
@@ -92,9 +89,17 @@ RECALCULATIONS = ("none", "as_published", "rewind", "literal")
 def _write_tick(bank: PublishedBank, mode: int, k: int, output: Tracks) -> None:
     for j, value in enumerate(estimate_of(bank.hypotheses, mode, 0)):
         output.estimates[k, j] = value
-    for j, value in enumerate(covariance_published(bank, mode, 0)):
+    for j, value in enumerate(operations.covariance(bank, mode, 0)):
         output.covariances[k, j] = value
     output.modes[k] = mode
+
+
+@internal
+def _follow(bank: PublishedBank, mode: int, measurement: FloatArray, model: FilterModel) -> None:
+    """Advance the filter of one hypothesis, without its log-likelihood."""
+    before = bank.hypotheses[mode].log_likelihood[0]
+    operations.step(bank, mode, mode + 1, 0, 1, measurement, model)
+    bank.hypotheses[mode].log_likelihood[0] = before
 
 
 @compiled
@@ -124,7 +129,7 @@ def _track_run(
     for segment in range(lengths.size):
         if rule.straight_reference:
             active = 0
-        begin_published(bank, 0, anchor, IDENTITY, radii, model)
+        operations.begin(bank, 0, anchor, IDENTITY, radii, model)
         running = np.ones(log_likelihood.size, np.bool_)
         begin = k
         end = k + lengths[segment]
@@ -132,7 +137,7 @@ def _track_run(
         output.undecided[segment] = True
         while k < end and output.undecided[segment]:
             measurement[:, 0] = measurements[k]
-            step_published(bank, 0, 1, measurement, model)
+            operations.step(bank, 0, log_likelihood.size, 0, 1, measurement, model)
             _write_tick(bank, active, k, output)
             for h in range(log_likelihood.size):
                 log_likelihood[h] = bank.hypotheses[h].log_likelihood[0]
@@ -150,16 +155,16 @@ def _track_run(
             if rule.recalculation == 1:
                 set_estimate(bank.hypotheses[active], 0, anchor)
             elif rule.recalculation == 2:
-                begin_published(bank, 0, anchor, IDENTITY, radii, model)
+                operations.begin(bank, 0, anchor, IDENTITY, radii, model)
         if output.undecided[segment] and not rule.keep:
             active = likeliest(bank.hypotheses, 0)
         for j in range(first, end):
             measurement[:, 0] = measurements[j]
             # The radius may be refined among all filters, if these have gone back too.
             if (rule.refine and j >= k) or (rule.recalculation == 2 and j < k):
-                step_published(bank, 0, 1, measurement, model)
+                operations.step(bank, 0, log_likelihood.size, 0, 1, measurement, model)
             else:
-                follow_published(bank, 0, active, measurement, model)
+                _follow(bank, active, measurement, model)
             if rule.refine and j >= k:
                 active = likeliest_of_type(bank.hypotheses, types, 0, types[active])
             _write_tick(bank, active, j, output)

@@ -15,6 +15,7 @@ from hybrid_env.core.banks.bank import (
     filter_model,
     likeliest,
     likeliest_of_type,
+    motions_of,
 )
 from hybrid_env.core.banks.mixture import NOTHING
 from hybrid_env.core.banks.posterior import merged_estimate, write_merged_covariance
@@ -23,7 +24,6 @@ from hybrid_env.core.elementary import bits_of
 from hybrid_env.core.kernel import BEGUN, DECIDED, TERMINATED
 from hybrid_env.core.memory import (
     DECISION,
-    DECISION_FLAGS,
     LANES,
     FloatArray,
     IntArray,
@@ -121,71 +121,65 @@ def _begin_segment(block: Any, lane: int, bank: Any, arrays: Any, setting: Any) 
         row = block.segment[lane]
         block.length[lane] = np.int64(table[row, LENGTH])
     block.true_mode[lane] = np.int64(table[row, MODE])
-    begin_motion(block, lane, table[row], operations.motions_of(bank), setting.tau)
+    begin_motion(block, lane, table[row], motions_of(bank), setting.tau)
     for k in range(4):
         block.anchor[k, lane] = block.truth[k, lane] if setting.oracle else block.estimate[k, lane]
     begin_bank(block, lane, bank, arrays.radii, setting)
     block.squared_error[lane] = 0.0
 
 
-@inlined
-def step_irregular(
-    bank: Any,
-    first: Any,
-    last: Any,
-    block: Any,
-    sensors: Records,
-    setting: Any,
-) -> None:
-    """Advance every filter of lanes first .. last - 1 where measurements may be missing or of
-    any covariance.
-    """
-    for lane in range(first, last):
-        if math.isnan(block.measurement[0, lane]) or setting.radar:
-            model = filter_model(setting, 1.0, True)
-            operations.sense(bank, lane, 0, bank.hypotheses.size, block, sensors, model)
-        else:
-            model = filter_model(setting, block.noise[0, lane], True)
-            operations.step(bank, lane, lane + np.uint64(1), block.measurement, model)
-
-
-@inlined
-def follow_irregular(
-    bank: Any,
-    lane: int,
-    chosen: int,
-    block: Any,
-    sensors: Any,
-    setting: Any,
-) -> None:
-    """Advance the filter of one hypothesis, without its log-likelihood; see `step_irregular`."""
-    if math.isnan(block.measurement[0, lane]) or setting.radar:
-        before = bank.hypotheses[chosen].log_likelihood[lane]
-        model = filter_model(setting, 1.0, True)
-        operations.sense(bank, lane, chosen, chosen + 1, block, sensors, model)
-        bank.hypotheses[chosen].log_likelihood[lane] = before
-    else:
-        model = filter_model(setting, block.noise[0, lane], True)
-        operations.follow(bank, lane, chosen, block.measurement, model)
-
-
 @internal
-def step_lanes(
-    block: Any,
+def step_filters(
     bank: Any,
+    lowest: int,
+    stop: int,
     first: int,
     last: int,
+    block: Any,
     sensors: Records,
     setting: Any,
     rare: bool | None,
 ) -> None:
-    """Advance every filter of lanes first .. last - 1 by the measurement of the block, if there
-    is one.
+    """Advance filters lowest .. stop - 1 of lanes first .. last - 1 by the measurement of the
+    block, if there is one.
     """
     if rare is not None and setting.irregular:
-        step_irregular(bank, first, last, block, sensors, setting)
+        for lane in range(first, last):
+            if math.isnan(block.measurement[0, lane]) or setting.radar:
+                model = filter_model(setting, 1.0, True)
+                operations.sense(bank, lane, lowest, stop, block, sensors, model)
+            else:
+                model = filter_model(setting, block.noise[0, lane], True)
+                after = lane + np.uint64(1)
+                operations.step(bank, lowest, stop, lane, after, block.measurement, model)
     else:
-        operations.step(bank, first, last, block.measurement, filter_model(setting, 1.0, rare))
+        model = filter_model(setting, 1.0, rare)
+        operations.step(bank, lowest, stop, first, last, block.measurement, model)
+
+
+@internal
+def run_on(
+    block: Any,
+    lane: int,
+    bank: Any,
+    arrays: Any,
+    setting: Any,
+    rare: bool | None,
+) -> None:
+    """Advance the filters of a lane after a decision: all of them, or that of the decided mode
+    without its log-likelihood. Golubkov 2018, algorithm 1, line 15.
+    """
+    hypotheses, sensors, types = bank.hypotheses, arrays.sensors, arrays.types
+    chosen, stop = block.active_mode[lane], lane + np.uint64(1)
+    if setting.merged or setting.refined:
+        step_filters(bank, 0, hypotheses.size, lane, stop, block, sensors, setting, rare)
+        if setting.refined:
+            chosen = likeliest_of_type(hypotheses, types, lane, types[chosen])
+            block.active_mode[lane] = chosen
+    else:
+        before = hypotheses[chosen].log_likelihood[lane]
+        step_filters(bank, chosen, chosen + 1, lane, stop, block, sensors, setting, rare)
+        hypotheses[chosen].log_likelihood[lane] = before
 
 
 @internal
@@ -211,10 +205,11 @@ def chosen_mode(
 
 
 @internal
-def set_anchor(block: Any, lane: int, bank: Any, chosen: int, merged: bool) -> None:
-    """Set the estimate at a switch and its covariance: of the chosen filter, or merged over the
-    bank.
+def set_anchor(block: Any, lane: int, bank: Any, merged: bool) -> None:
+    """Set the estimate at a switch and its covariance: of the filter of the decided mode, or
+    merged over the bank.
     """
+    chosen = block.active_mode[lane]
     if merged:
         mean = merged_estimate(bank.hypotheses, lane)
         write_lane(block.estimate, lane, mean)
@@ -251,9 +246,8 @@ def _decide(
     if rare is not None and setting.recalculated > 0 and action > 0:
         block.squared_error[lane] = arrays.errors[i // LANES, chosen, lane]
     noise, merged = arrays.scratch[0].noise, setting.merged
-    motions = operations.motions_of(bank)
+    motions = motions_of(bank)
     irregular = rare is not None and setting.irregular
-    model = filter_model(setting, 1.0, rare)
     stop = lane + np.uint64(1)
     # The noise of several ticks is drawn at once with SIMD code, but for modes that draw more.
     batch = 1 if irregular else LANES
@@ -268,17 +262,9 @@ def _decide(
         for column in range(ticks):
             if not irregular:
                 move_lane(block, lane, noise, column, motions, setting)
-            if merged or setting.refined:
-                step_lanes(block, bank, lane, stop, arrays.sensors, setting, rare)
-                if setting.refined:
-                    chosen = likeliest_of_type(bank.hypotheses, types, lane, types[chosen])
-                    block.active_mode[lane] = chosen
-            elif rare is not None and irregular:
-                follow_irregular(bank, lane, chosen, block, arrays.sensors, setting)
-            else:
-                operations.follow(bank, lane, chosen, block.measurement, model)
+            run_on(block, lane, bank, arrays, setting, rare)
             _record_estimate(block, lane, bank.hypotheses, trace, merged)
-    set_anchor(block, lane, bank, chosen, merged)
+    set_anchor(block, lane, bank, merged)
     arrays.rewards[i] = (1.0 if correct else -1.0) - setting.delay_cost
     decisions[len(DECISION) - 1, i] = bits_of(block.squared_error[lane])
 
@@ -305,10 +291,8 @@ def prepare_lane(
     action = counted_action(arrays, i)
     block.trace_length[lane] = 0
     if arrays.decision_flags[HAS_DECISION, i]:
-        for k in range(len(DECISION)):
-            arrays.decisions[k, i] = 0
-        for k in range(len(DECISION_FLAGS)):
-            arrays.decision_flags[k, i] = False
+        arrays.decisions[:, i] = 0
+        arrays.decision_flags[:, i] = False
     if reset or arrays.terminated[i]:
         draw_first_estimate(block, arrays.scratch[0].noise, lane, setting)
         block.segment[lane] = 0
@@ -346,11 +330,12 @@ def tick(
     one bit per lane, 1 where a segment begins.
     """
     arrays = arrays_of(setting)
-    motions = operations.motions_of(bank)
+    motions = motions_of(bank)
     move(block, arrays.scratch[0].noise, first, last, arrays.sensors, motions, setting, rare)
     if rare is not None and setting.bank_rows > 0:
         write_innovations(arrays.bank_ticks, b, block, first, last, bank, setting)
-    step_lanes(block, bank, first, last, arrays.sensors, setting, rare)
+    modes = bank.hypotheses.size
+    step_filters(bank, 0, modes, first, last, block, arrays.sensors, setting, rare)
     if rare is not None and setting.bank_rows > 0:
         write_corrected(arrays.bank_ticks, b, first, last, bank)
     for lane in range(first, last):
@@ -393,7 +378,7 @@ def _write_rows(
 
 
 @internal
-def advance_live(begins: bool, bank: Any, setting: Any) -> int:
+def advance_live(begins: bool, bank_class: type, setting: Any) -> int:
     """Begin a segment, process a measurement, or declare a mode, on the first lane of the first
     block. With `begins` the last segment ends, and the bank starts from its estimate; the first
     one, whose `segment` is -1, from that of the block. Action 0 advances the bank by the
@@ -402,13 +387,13 @@ def advance_live(begins: bool, bank: Any, setting: Any) -> int:
     merged.
     """
     arrays = arrays_of(setting)
-    block = arrays.blocks[0]
+    block, bank = arrays.blocks[0], operations.bank_of(bank_class, setting, 0)
     lane, last = np.uint64(0), np.uint64(1)
     if begins:
         if block.segment[0] >= 0:
             if not arrays.decision_flags[HAS_DECISION, 0]:
                 block.active_mode[0] = chosen_mode(block, lane, bank, 0, arrays.types, setting)
-            set_anchor(block, lane, bank, block.active_mode[0], setting.merged)
+            set_anchor(block, lane, bank, setting.merged)
         block.segment[0] += 1
         arrays.decision_flags[HAS_DECISION, 0] = False
         write_lane(block.anchor, lane, state_of(block.estimate, lane))
@@ -420,20 +405,17 @@ def advance_live(begins: bool, bank: Any, setting: Any) -> int:
             return 0
         block.active_mode[0] = chosen_mode(block, lane, bank, action, arrays.types, setting)
         arrays.decision_flags[HAS_DECISION, 0] = True
-        set_anchor(block, lane, bank, block.active_mode[0], setting.merged)
+        set_anchor(block, lane, bank, setting.merged)
         return 0
     decided = arrays.decision_flags[HAS_DECISION, 0]
     block.tick[0] += 1
     block.length[0] = max(block.length[0], block.tick[0])
-    if decided and not (setting.merged or setting.refined):
-        follow_irregular(bank, lane, block.active_mode[0], block, arrays.sensors, setting)
+    if decided:
+        run_on(block, lane, bank, arrays, setting, True)
     else:
-        step_irregular(bank, lane, last, block, arrays.sensors, setting)
-    if decided and setting.refined:
-        of_type = arrays.types[block.active_mode[0]]
-        block.active_mode[0] = likeliest_of_type(bank.hypotheses, arrays.types, lane, of_type)
-    if not decided:
+        modes = bank.hypotheses.size
+        step_filters(bank, 0, modes, lane, last, block, arrays.sensors, setting, True)
         begun = 1 if block.tick[0] == 1 else 0
         _write_rows(0, block, bank, lane, last, begun, arrays, setting, None)
-    set_anchor(block, lane, bank, block.active_mode[0], setting.merged)
+    set_anchor(block, lane, bank, setting.merged)
     return 0

@@ -4,11 +4,11 @@ of a block (see `memory`). Decisions, statements and new segments are computed f
 Threads step different blocks.
 """
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
+from hybrid_env.core.banks import operations
 from hybrid_env.core.compilation import inlined
 from hybrid_env.core.memory import LANES, arrays_of
 
@@ -19,17 +19,16 @@ DECIDED, TERMINATED, BEGUN = 1, 2, 4
 @inlined
 def advance(
     reset: bool,
-    prepare: Callable[..., Any],
-    tick: Callable[..., Any],
-    of_block: Callable[..., Any],
-    banks: Any,
+    process: Any,
+    bank_class: type,
     setting: Any,
-    rare: bool | None = None,
+    rare: bool | None,
 ) -> int:
-    """Check all actions, then step the blocks of this call; see `kernels.advance_published`.
-    prepare: applies the action of a lane or begins its next episode, and returns its events; tick:
-    advances object and bank of some lanes, and writes their rows; rare: None leaves out the code of
-    rare options, see `kernels.entry_point`.
+    """Check all actions, then step the blocks of this call; see `kernels.entry_point`.
+
+    process: `announced` or `unknown`. Its `prepare_lane` applies the action of a lane or begins its
+    next episode, and returns its events; its `tick` advances object and bank of some lanes, and
+    writes their rows. rare: None leaves out the code of rare options.
     """
     arrays = arrays_of(setting)
     for i in range(0 if reset else setting.tracks):
@@ -38,7 +37,7 @@ def advance(
     scratch = arrays.scratch[0]
     events = 0
     for b in range(setting.first_block, setting.last_block):
-        block, bank = arrays.blocks[b], of_block(banks, b)
+        block, bank = arrays.blocks[b], operations.bank_of(bank_class, setting, b)
         lanes = min(LANES, setting.tracks - b * LANES)
         # One bit per lane.
         begun = 0
@@ -48,7 +47,7 @@ def advance(
             i = b * LANES + lane
             event = TERMINATED
             if not reset or arrays.actions[i] != 0:
-                event = prepare(reset, block, np.uint64(lane), i, bank, setting, rare)
+                event = process.prepare_lane(reset, block, np.uint64(lane), i, bank, setting, rare)
                 events |= event
             runs = event & TERMINATED == 0
             scratch.running[lane] = 1 if runs else 0
@@ -62,5 +61,5 @@ def advance(
             # to SIMD code.
             start = np.uint64(first)
             stop = np.uint64(last)
-            tick(b, block, bank, start, stop, begun, setting, rare)
+            process.tick(b, block, bank, start, stop, begun, setting, rare)
     return events & (DECIDED | TERMINATED)

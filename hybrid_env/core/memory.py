@@ -43,26 +43,28 @@ def lanes_of(**fields: Any) -> np.dtype[Any]:
 
 
 @formula
+def four_of(array: FloatArray, k: int, lane: int) -> State:
+    """Return the values k .. k + 3 of a lane of an array, (n, LANES)."""
+    return array[k, lane], array[k + 1, lane], array[k + 2, lane], array[k + 3, lane]
+
+
+@formula
 def state_of(array: FloatArray, lane: int) -> State:
     """Return the values of a lane of an array, (4, LANES)."""
-    return array[0, lane], array[1, lane], array[2, lane], array[3, lane]
+    return four_of(array, 0, lane)
 
 
 @formula
 def triangle_of(array: FloatArray, lane: int) -> Triangle4:
     """Return the values of a lane of an array, (10, LANES)."""
-    return (
-        array[0, lane],
-        array[1, lane],
-        array[2, lane],
-        array[3, lane],
-        array[4, lane],
-        array[5, lane],
-        array[6, lane],
-        array[7, lane],
-        array[8, lane],
-        array[9, lane],
-    )
+    last = array[8, lane], array[9, lane]
+    return four_of(array, 0, lane) + four_of(array, 4, lane) + last
+
+
+@formula
+def write_four(array: FloatArray, k: int, lane: int, values: State) -> None:
+    """Write the values k .. k + 3 of a lane of an array, (n, LANES)."""
+    array[k, lane], array[k + 1, lane], array[k + 2, lane], array[k + 3, lane] = values
 
 
 @formula
@@ -228,8 +230,9 @@ class Array:
 
     dtype: Any
     sizes: tuple[int | str, ...]
-    # Whose state it holds; "options" do not change, "thread" is temporary, shared by its blocks.
-    of: Literal["tracks", "options", "thread"] = "tracks"
+    # Whose state it holds, "block" in a bank; "options" do not change, "thread" is temporary,
+    # shared by its blocks.
+    of: Literal["tracks", "block", "options", "thread"] = "tracks"
 
 
 def declared(arrays: type, *owners: str) -> dict[str, Array]:
@@ -274,14 +277,21 @@ def allocate(array: Array, sizes: Mapping[str, int] | np.void) -> NDArray[Any]:
     return aligned_zeros(shape, array.dtype)
 
 
-@intrinsic
-def _pointer_to(_typing: Any, address: Any) -> Any:
-    """Convert an integer to a pointer for `numba.carray`."""
+def address_as(kind: Any) -> Any:
+    """Return the compiled function that converts an integer to a pointer of a type."""
 
-    def build(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-        return builder.inttoptr(arguments[0], context.get_value_type(types.voidptr))
+    @intrinsic
+    def convert(_typing: Any, address: Any) -> Any:
+        def build(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+            return builder.inttoptr(arguments[0], context.get_value_type(kind))
 
-    return types.voidptr(address), build
+        return kind(address), build
+
+    return convert
+
+
+# For `numba.carray`.
+_pointer_to = address_as(types.voidptr)
 
 
 @formula
@@ -291,32 +301,36 @@ def parameters_at(address: int) -> Any:
 
 
 def _joined(readers: list[Any]) -> Any:
-    """Return the compiled function of the tuple of the values of compiled functions of one
-    argument. numba has no loop that builds a tuple of different types.
+    """Return the compiled function of the tuple of the values of compiled functions of two
+    arguments. numba has no loop that builds a tuple of different types.
     """
     if len(readers) == 1:
         first = readers[0]
-        return inlined(lambda setting: (first(setting),))
+        return inlined(lambda setting, b: (first(setting, b),))
     half = len(readers) // 2
     left, right = _joined(readers[:half]), _joined(readers[half:])
-    return inlined(lambda setting: left(setting) + right(setting))
+    return inlined(lambda setting, b: left(setting, b) + right(setting, b))
 
 
 def _size_reader(size: int | str) -> Any:
     if isinstance(size, str):
-        return inlined(lambda setting: setting[size])
-    return inlined(lambda setting: size)
+        return inlined(lambda setting, b: setting[size])
+    return inlined(lambda setting, b: size)
 
 
 def _array_reader(name: str, array: Array) -> Any:
     dtype, shape = array.dtype, _joined(list(map(_size_reader, array.sizes)))
-    return formula(lambda setting: carray(_pointer_to(setting[name]), shape(setting), dtype))
+    whole = formula(lambda setting, b: carray(_pointer_to(setting[name]), shape(setting, b), dtype))
+    return formula(lambda setting, b: whole(setting, b)[b]) if array.of == "block" else whole
 
 
-def reader(arrays: type) -> Callable[[Any], Any]:
-    """Return the compiled function that finds the arrays of a named tuple by a parameter record."""
+def reader(arrays: type) -> Callable[[type, Any, int], Any]:
+    """Return the compiled function that finds the arrays of a named tuple by its class and a
+    parameter record; of a bank those of block b.
+    """
     values = _joined([_array_reader(name, array) for name, array in declared(arrays).items()])
-    read: Callable[[Any], Any] = formula(lambda setting: arrays(*values(setting)))
+    read: Callable[[type, Any, int], Any]
+    read = formula(lambda kind, setting, b: kind(*values(setting, b)))
     return read
 
 
@@ -351,6 +365,7 @@ class PublishedBank(NamedTuple):
             log_likelihood=float,
         ),
         ("blocks_count", "modes"),
+        "block",
     )
     # Transition and covariance on one axis, shared by the filters of one radius.
     covariances: Any = Array(
@@ -365,6 +380,7 @@ class PublishedBank(NamedTuple):
             vv=float,
         ),
         ("blocks_count", "axes", "columns"),
+        "block",
     )
     innovations: Any = Array(INNOVATION, ("modes",), "thread")
     # Gain and innovation variance on one axis at the current tick, shared in the same way.
@@ -406,14 +422,14 @@ AWARE_HYPOTHESIS = lanes_of(**AWARE_FIELDS)
 class AnchorAwareBank(NamedTuple):
     """The bank of a block of tracks, M hypotheses. The blocks of a thread share the innovations."""
 
-    hypotheses: Any = Array(AWARE_HYPOTHESIS, ("blocks_count", "modes"))
+    hypotheses: Any = Array(AWARE_HYPOTHESIS, ("blocks_count", "modes"), "block")
     innovations: Any = Array(INNOVATION, ("modes",), "thread")
 
 
 class DenseBank(NamedTuple):
     """The bank of a block of tracks for modes of the user, with announced switches."""
 
-    hypotheses: Any = Array(AWARE_HYPOTHESIS, ("blocks_count", "modes"))
+    hypotheses: Any = Array(AWARE_HYPOTHESIS, ("blocks_count", "modes"), "block")
     innovations: Any = Array(INNOVATION, ("modes",), "thread")
     motions: Any = Array(MOTION, ("modes",), "options")
 
@@ -438,6 +454,7 @@ class ImmBank(NamedTuple):
             log_likelihood=float,
         ),
         ("blocks_count", "modes"),
+        "block",
     )
     innovations: Any = Array(INNOVATION, ("modes",), "thread")
     # Maximum log probability before normalization, and the sum relative to it.
@@ -453,7 +470,7 @@ class DenseImmBank(NamedTuple):
     switches.
     """
 
-    hypotheses: Any = Array(DENSE_IMM_HYPOTHESIS, ("blocks_count", "modes"))
+    hypotheses: Any = Array(DENSE_IMM_HYPOTHESIS, ("blocks_count", "modes"), "block")
     innovations: Any = Array(INNOVATION, ("modes",), "thread")
     sums: Any = Array(lanes_of(largest=float, total=float), (1,), "thread")
     # Initial conditions of the filters in a tick.
@@ -531,8 +548,15 @@ class Arrays(NamedTuple):
     sensors: Any = Array(SENSOR, ("sensor_count",), "options")
 
 
-# Return the `Arrays` at the addresses in a record `PARAMETERS`.
-arrays_of = reader(Arrays)
+_read_arrays = reader(Arrays)
+
+
+@formula
+def arrays_of(setting: Any) -> Any:
+    """Return the `Arrays` at the addresses in a record `PARAMETERS`."""
+    return _read_arrays(Arrays, setting, 0)
+
+
 PARAMETERS = np.dtype(
     [
         *(

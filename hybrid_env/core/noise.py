@@ -13,9 +13,9 @@ import numpy as np
 from numba import carray, cfunc, njit, types
 from numpy.typing import NDArray
 
-from hybrid_env.core.compilation import formula, inlined, internal, intrinsic
+from hybrid_env.core.compilation import formula, inlined, internal
 from hybrid_env.core.elementary import ONE, exp, float_of, log, sine_cosine
-from hybrid_env.core.memory import LANES, FloatArray
+from hybrid_env.core.memory import LANES, FloatArray, address_as
 
 # Laws of the measurement noise; the last one calls a function of the user.
 GAUSSIAN, OUTLIERS, LEVY, STUDENT_T, OWN = range(5)
@@ -217,17 +217,7 @@ def _to_student(noise: FloatArray, first: int, last: int, setting: Any) -> None:
 _COLUMNS = types.void(types.CPointer(types.float64), types.intp, types.intp)
 """Signature of the function of a law of the user: the array of the noise, first and last."""
 
-_FUNCTION = types.ExternalFunctionPointer(_COLUMNS, int)
-
-
-@intrinsic
-def _function_at(_typing: Any, address: Any) -> Any:
-    """Convert an integer to a function with the signature `_COLUMNS`."""
-
-    def build(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-        return builder.inttoptr(arguments[0], context.get_value_type(_FUNCTION))
-
-    return _FUNCTION(address), build
+_function_at = address_as(types.ExternalFunctionPointer(_COLUMNS, int))
 
 
 @formula

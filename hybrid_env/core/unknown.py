@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from hybrid_env.core.banks import operations
-from hybrid_env.core.banks.bank import filter_model
+from hybrid_env.core.banks.bank import filter_model, motions_of
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.habits import draw_from_law, draw_law, draw_mode, draw_order, draw_remaining
 from hybrid_env.core.kernel import TERMINATED
@@ -20,22 +20,6 @@ from hybrid_env.core.true_object import begin_motion, draw_first_estimate, move
 
 # Halves of the table of durations.
 FIRST_DURATIONS, OTHER_DURATIONS = 0, 1
-
-
-@internal
-def draw_duration(cumulative: FloatArray, number: float) -> int:
-    """Return a duration from a number in [0, 1) and the cumulative probabilities of 1, 2, ...,
-    `ticks`, by bisection; `ticks` + 1 stands for all that are longer.
-    """
-    low = 0
-    high = cumulative.size
-    while low < high:
-        middle = (low + high) // 2
-        if number < cumulative[middle]:
-            high = middle
-        else:
-            low = middle + 1
-    return low + 1
 
 
 @internal
@@ -62,9 +46,10 @@ def _begin_segment(
     else:
         number = uniform(block.random_state, lane)
         row = half * (arrays.durations.shape[0] // 2) + arrays.law_places[mode]
-        block.length[lane] = draw_duration(arrays.durations[row], number)
+        # Of the durations 1, 2, ..., `ticks`; `ticks` + 1 stands for all that are longer.
+        block.length[lane] = np.searchsorted(arrays.durations[row], number, "right") + 1
     block.tick[lane] = 0
-    begin_motion(block, lane, arrays.table[mode], operations.motions_of(bank), setting.tau)
+    begin_motion(block, lane, arrays.table[mode], motions_of(bank), setting.tau)
 
 
 @inlined
@@ -191,7 +176,7 @@ def tick(
 ) -> None:
     """Advance object and bank of lanes first .. last - 1 of block b, and write their rows."""
     arrays = arrays_of(setting)
-    motions = operations.motions_of(bank)
+    motions = motions_of(bank)
     move(block, arrays.scratch[0].noise, first, last, arrays.sensors, motions, setting, rare)
     if rare is not None and setting.irregular:
         step_irregular(bank, block, first, last, arrays.radii, arrays.sensors, setting)
@@ -218,7 +203,7 @@ def _write_rows(
 
 
 @internal
-def advance_live(begins: bool, banks: Any, setting: Any) -> int:
+def advance_live(begins: bool, bank_class: type, setting: Any) -> int:
     """Begin tracks, or process statements and measurements, with unknown switch moments. With
     `begins` every filter starts from `estimate` and `covariance` of its track; the action is the
     mode before the first tick, -1 if it is not known. Otherwise it is the statement of the last
@@ -227,7 +212,7 @@ def advance_live(begins: bool, banks: Any, setting: Any) -> int:
     arrays = arrays_of(setting)
     for b in range(setting.first_block, setting.last_block):
         block = arrays.blocks[b]
-        bank = operations.of_block(banks, b)
+        bank = operations.bank_of(bank_class, setting, b)
         lanes = min(LANES, setting.tracks - b * LANES)
         for lane in range(np.uint64(lanes)):
             stated = arrays.actions[b * LANES + int(lane)]

@@ -74,17 +74,26 @@ def transposed(_typing: Any, rows: Any) -> Any:
     return _code(result, (rows,), lambda _, values: list(zip(*values, strict=True)))
 
 
+def _symmetric(entries: Sequence[Any]) -> list[list[Any]]:
+    """Return the rows of a symmetric matrix from its upper triangle."""
+    n = next(n for n in range(len(entries)) if n * (n + 1) == 2 * len(entries))
+    places = list(combinations_with_replacement(range(n), 2))
+    return [[entries[places.index((min(i, k), max(i, k)))] for k in range(n)] for i in range(n)]
+
+
+def _dot(builder: Any, vector: Sequence[Any], other: Sequence[Any]) -> Any:
+    """Return the inner product of two vectors."""
+    pairs = zip(vector, other, strict=True)
+    return reduce(builder.fadd, [builder.fmul(*pair) for pair in pairs])
+
+
 @intrinsic
 def rows_of(_typing: Any, triangle: Any) -> Any:
     """Return the rows of a symmetric matrix."""
-    n = next(n for n in range(len(triangle)) if n * (n + 1) == 2 * len(triangle))
-    places = list(combinations_with_replacement(range(n), 2))
-
-    def compute(_: Any, entries: Any) -> Any:
-        return [[entries[places.index((min(i, k), max(i, k)))] for k in range(n)] for i in range(n)]
-
+    n = len(_symmetric(range(len(triangle))))
     row = types.UniTuple(types.float64, n)
-    return _code(types.UniTuple(row, n), (triangle,), compute)
+    matrix = types.UniTuple(row, n)
+    return _code(matrix, (triangle,), lambda _, entries: _symmetric(entries))
 
 
 @intrinsic
@@ -107,8 +116,7 @@ def product(_typing: Any, rows: Any, vector: Any) -> Any:
     """Return A v of a matrix A, given by its rows, and a vector v."""
 
     def compute(builder: Any, rows: Any, values: Any) -> Any:
-        terms = [[builder.fmul(*pair) for pair in zip(row, values, strict=True)] for row in rows]
-        return [reduce(builder.fadd, row) for row in terms]
+        return [_dot(builder, row, values) for row in rows]
 
     return _code(types.UniTuple(types.float64, len(rows)), (rows, vector), compute)
 
@@ -116,18 +124,10 @@ def product(_typing: Any, rows: Any, vector: Any) -> Any:
 @intrinsic
 def sandwich(_typing: Any, rows: Any, triangle: Any) -> Any:
     """Return A P A' of a matrix A, given by its rows, and a symmetric matrix P, both (n, n)."""
-    n = len(rows)
-    places = list(combinations_with_replacement(range(n), 2))
 
     def compute(builder: Any, rows: Any, entries: Any) -> Any:
-        def dot(one: Any, other: Any) -> Any:
-            pairs = zip(one, other, strict=True)
-            return reduce(builder.fadd, [builder.fmul(*pair) for pair in pairs])
-
-        columns = [
-            [entries[places.index((min(i, k), max(i, k)))] for k in range(n)] for i in range(n)
-        ]
-        left = [[dot(row, column) for column in columns] for row in rows]
-        return [dot(left[i], rows[k]) for i, k in places]
+        left = [[_dot(builder, row, column) for column in _symmetric(entries)] for row in rows]
+        places = combinations_with_replacement(range(len(rows)), 2)
+        return [_dot(builder, left[i], rows[k]) for i, k in places]
 
     return _code(triangle, (rows, triangle), compute)

@@ -23,6 +23,7 @@ from hybrid_env import (
     parse_scheme,
 )
 from hybrid_env.durations import GeometricDurations, UniformDurations
+from hybrid_env.modes import modes_of_radii
 from hybrid_env.noises import LevyNoise, OutlierNoise, StudentNoise
 from hybrid_env.scheme import SCHEMES, segment_table
 
@@ -93,9 +94,11 @@ def test_schemes_of_the_papers_have_their_published_lengths():
 
 
 def test_modes_are_straight_left_right_and_unknown_radii_map_to_the_nearest_curvature():
-    table = segment_table(parse_scheme("S10 L10r3 R10r3 L10r2.9 R10r100"), [1.0, 3.0, 10.0])
+    scheme = parse_scheme("S10 L10r3 R10r3 L10r2.9 R10r100")
+    table = segment_table(scheme, modes_of_radii((1.0, 3.0, 10.0)))
     assert table[:, 1].tolist() == [0, 2, 5, 2, 6]
-    assert segment_table(RandomScheme(), [1.0, 3.0])[:, 1].tolist() == [0, 1, 2, 3, 4]
+    table = segment_table(RandomScheme(), modes_of_radii((1.0, 3.0)))
+    assert table[:, 1].tolist() == [0, 1, 2, 3, 4]
 
 
 MEASURED = {

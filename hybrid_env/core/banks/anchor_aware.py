@@ -10,11 +10,19 @@ log-likelihood decreases, so that no NaN occurs.
 import math
 from typing import Any
 
-import numpy as np
-
 from hybrid_env.core.banks import extended_kalman as ekf
-from hybrid_env.core.banks.bank import signed_radius
+from hybrid_env.core.banks.bank import (
+    covariance7,
+    covariance_of,
+    motion_at,
+    motions_of,
+    set_covariance,
+    set_state,
+    signed_radius,
+    state_of,
+)
 from hybrid_env.core.banks.kalman import weigh
+from hybrid_env.core.banks.linear import predict_linear
 from hybrid_env.core.banks.sensing import DIVERGED, LARGEST, ROUNDING, correct_by_sensors
 from hybrid_env.core.compilation import formula, internal
 from hybrid_env.core.elementary import log
@@ -27,18 +35,6 @@ from hybrid_env.core.memory import (
 )
 from hybrid_env.core.motion import bank_turn_rate, heading_vector, turn_centre
 from hybrid_env.core.vectors import Vector, choose, combination, minus_square, rows_of
-
-
-@internal
-def of_block(banks: AnchorAwareBank, b: int) -> AnchorAwareBank:
-    """Return the bank of one block from those of all blocks."""
-    return AnchorAwareBank(banks.hypotheses[b], banks.innovations)
-
-
-@internal
-def motions_of(bank: AnchorAwareBank) -> None:
-    """Return None: all modes are straight motion and turns."""
-    return None
 
 
 @internal
@@ -86,93 +82,8 @@ def begin_hypothesis(
 
 
 @formula
-def covariance7(kalman: Any, lane: int) -> Vector:
-    """Return the covariance of the seven states of one filter, upper triangle row by row."""
-    P = kalman.covariance
-    return (
-        P[0, lane],
-        P[1, lane],
-        P[2, lane],
-        P[3, lane],
-        P[4, lane],
-        P[5, lane],
-        P[6, lane],
-        P[7, lane],
-        P[8, lane],
-        P[9, lane],
-        P[10, lane],
-        P[11, lane],
-        P[12, lane],
-        P[13, lane],
-        P[14, lane],
-        P[15, lane],
-        P[16, lane],
-        P[17, lane],
-        P[18, lane],
-        P[19, lane],
-        P[20, lane],
-        P[21, lane],
-        P[22, lane],
-        P[23, lane],
-        P[24, lane],
-        P[25, lane],
-        P[26, lane],
-        P[27, lane],
-    )
-
-
-@formula
-def set_covariance(kalman: Any, lane: int, p: Vector) -> None:
-    """Set the covariance of the seven states of one filter."""
-    P = kalman.covariance
-    # Written out, because a loop over so many entries would not become SIMD code.
-    P[0, lane] = p[0]
-    P[1, lane] = p[1]
-    P[2, lane] = p[2]
-    P[3, lane] = p[3]
-    P[4, lane] = p[4]
-    P[5, lane] = p[5]
-    P[6, lane] = p[6]
-    P[7, lane] = p[7]
-    P[8, lane] = p[8]
-    P[9, lane] = p[9]
-    P[10, lane] = p[10]
-    P[11, lane] = p[11]
-    P[12, lane] = p[12]
-    P[13, lane] = p[13]
-    P[14, lane] = p[14]
-    P[15, lane] = p[15]
-    P[16, lane] = p[16]
-    P[17, lane] = p[17]
-    P[18, lane] = p[18]
-    P[19, lane] = p[19]
-    P[20, lane] = p[20]
-    P[21, lane] = p[21]
-    P[22, lane] = p[22]
-    P[23, lane] = p[23]
-    P[24, lane] = p[24]
-    P[25, lane] = p[25]
-    P[26, lane] = p[26]
-    P[27, lane] = p[27]
-
-
-@formula
-def state_of(kalman: Any, lane: int) -> Vector:
-    """Return the state of one filter."""
-    estimate = kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane]
-    return (*estimate, kalman.centre_x[lane], kalman.centre_y[lane], kalman.turn_rate[lane])
-
-
-@formula
-def set_state(kalman: Any, lane: int, state: Vector) -> None:
-    """Set the state of one filter."""
-    kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane] = state[:4]
-    kalman.centre_x[lane], kalman.centre_y[lane], kalman.turn_rate[lane] = state[4:]
-
-
-@formula
-def predict_hypothesis(kalman: Any, lane: int, model: Any) -> tuple[Vector, Vector]:
-    """Return the predicted state of a filter and its covariance."""
+def predict_turn(kalman: Any, lane: int, model: Any) -> tuple[Vector, Vector]:
+    """Return the predicted state of the filter of a turn and its covariance."""
     x, u, y, v, centre_x, centre_y, rate = state_of(kalman, lane)
     turn = ekf.turn_coefficients(rate, model.tau)
     C, S, W, _, dC, dS, dW = turn
@@ -250,74 +161,73 @@ def correct_hypothesis(
     set_covariance(kalman, lane, choose(valid, covariance, before))
 
 
+@formula
+def _predict(kalman: Any, lane: int, motion: Any, model: Any) -> tuple[Vector, Vector]:
+    """Return the predicted state of a filter and its covariance; motion: None is a turn."""
+    if motion is not None and motion.linear:
+        return predict_linear(kalman, lane, motion)
+    return predict_turn(kalman, lane, model)
+
+
 @internal
-def step_hypothesis(
+def step_motion(
     kalman: Any,
     innovation: Any,
     first: int,
     last: int,
+    motion: Any,
     measurement: FloatArray,
     model: Any,
 ) -> None:
-    """Advance one filter and its log-likelihood by one tick; arguments as in `published.step`."""
-    for lane in range(first, last):
-        moved = predict_hypothesis(kalman, lane, model)
-        correct_hypothesis(kalman, innovation, lane, moved, measurement, model)
+    """Advance one filter and its log-likelihood by one tick; arguments as in `published.step`.
+    motion: a record `MOTION`; None is straight motion or a turn.
+    """
+    if motion is not None and motion.linear:
+        for lane in range(first, last):
+            moved = predict_linear(kalman, lane, motion)
+            correct_hypothesis(kalman, innovation, lane, moved, measurement, model)
+    else:
+        for lane in range(first, last):
+            moved = predict_turn(kalman, lane, model)
+            correct_hypothesis(kalman, innovation, lane, moved, measurement, model)
 
 
 @internal
 def step(
-    bank: AnchorAwareBank,
+    bank: Any,
+    lowest: int,
+    stop: int,
     first: int,
     last: int,
     measurement: FloatArray,
     model: Any,
 ) -> None:
-    """Advance every filter of lanes first .. last - 1 by one tick; see
+    """Advance filters lowest .. stop - 1 of lanes first .. last - 1 by one tick; see
     `published.step`.
     """
-    for h in range(bank.hypotheses.size):
-        step_hypothesis(bank.hypotheses[h], bank.innovations[h], first, last, measurement, model)
-
-
-@internal
-def follow(
-    bank: AnchorAwareBank,
-    lane: int,
-    hypothesis: int,
-    measurement: FloatArray,
-    model: Any,
-) -> None:
-    """Advance the filter of one hypothesis of a lane by one tick, without its log-likelihood."""
-    kalman = bank.hypotheses[hypothesis]
-    before = kalman.log_likelihood[lane]
-    step_hypothesis(
-        kalman,
-        bank.innovations[hypothesis],
-        np.uint64(lane),
-        np.uint64(lane + 1),
-        measurement,
-        model,
-    )
-    kalman.log_likelihood[lane] = before
+    for h in range(lowest, stop):
+        motion = motion_at(motions_of(bank), h)
+        kalman, innovation = bank.hypotheses[h], bank.innovations[h]
+        step_motion(kalman, innovation, first, last, motion, measurement, model)
 
 
 @internal
 def sense(
-    bank: AnchorAwareBank,
+    bank: Any,
     lane: int,
-    first: int,
-    last: int,
+    lowest: int,
+    stop: int,
     block: Any,
     sensors: Records,
     model: Any,
 ) -> None:
-    """Advance filters first .. last - 1 of a lane by one tick without a measurement, or by all that
-    the sensors measure; see `sensing.correct_by_sensors`.
+    """Advance filters lowest .. stop - 1 of a lane by one tick without a measurement, or by all
+    that the sensors measure; see `sensing.correct_by_sensors`.
     """
-    for h in range(first, last):
-        moved = predict_hypothesis(bank.hypotheses[h], lane, model)
-        sense_predicted(bank.hypotheses[h], bank.innovations[h], lane, moved, block, sensors, model)
+    for h in range(lowest, stop):
+        kalman, innovation = bank.hypotheses[h], bank.innovations[h]
+        moved = _predict(kalman, lane, motion_at(motions_of(bank), h), model)
+        sense_predicted(kalman, innovation, lane, moved, block, sensors, model)
 
 
 @internal
@@ -357,6 +267,29 @@ def sense_predicted(
 
 
 @internal
+def sense_motion(
+    kalman: Any,
+    innovation: Any,
+    first: int,
+    last: int,
+    motion: Any,
+    block: Any,
+    sensors: Records,
+    model: Any,
+) -> None:
+    """Advance one filter by one tick of any kind: without a measurement, or with those of sensors.
+    motion: as in `step_motion`; block: with the fields of `memory.MEASURED`; without sensors all
+    lanes or none are NaN.
+    """
+    if sensors.size == 0 and not math.isnan(block.measurement[0, first]):
+        step_motion(kalman, innovation, first, last, motion, block.measurement, model)
+        return
+    for lane in range(first, last):
+        moved = _predict(kalman, lane, motion, model)
+        sense_predicted(kalman, innovation, lane, moved, block, sensors, model)
+
+
+@internal
 def sense_hypothesis(
     kalman: Any,
     innovation: Any,
@@ -366,20 +299,13 @@ def sense_hypothesis(
     sensors: Records,
     model: Any,
 ) -> None:
-    """Advance one filter by one tick of any kind: without a measurement, or with those of sensors.
-    block: with the fields of `memory.MEASURED`; without sensors all lanes or none are NaN.
-    """
-    if sensors.size == 0 and not math.isnan(block.measurement[0, first]):
-        step_hypothesis(kalman, innovation, first, last, block.measurement, model)
-        return
-    for lane in range(first, last):
-        moved = predict_hypothesis(kalman, lane, model)
-        sense_predicted(kalman, innovation, lane, moved, block, sensors, model)
+    """Advance the filter of straight motion or a turn by one tick of any kind."""
+    sense_motion(kalman, innovation, first, last, None, block, sensors, model)
 
 
 @internal
 def predicted_position(
-    bank: AnchorAwareBank,
+    bank: Any,
     hypothesis: int,
     lane: int,
     model: Any,
@@ -387,18 +313,12 @@ def predicted_position(
     """Return the predicted position x, y of one hypothesis before a tick [m], and its covariance
     xx, xy, yy [m^2].
     """
-    state, p = predict_hypothesis(bank.hypotheses[hypothesis], lane, model)
+    motion = motion_at(motions_of(bank), hypothesis)
+    state, p = _predict(bank.hypotheses[hypothesis], lane, motion, model)
     return state[0], state[2], p[0], p[2], p[13]
 
 
 @internal
-def covariance(bank: AnchorAwareBank, hypothesis: int, lane: int) -> Triangle4:
+def covariance(bank: Any, hypothesis: int, lane: int) -> Triangle4:
     """Return the covariance of [x, vx, y, vy] of one hypothesis, upper triangle row by row."""
     return covariance_of(bank.hypotheses[hypothesis], lane)
-
-
-@internal
-def covariance_of(kalman: Any, lane: int) -> Triangle4:
-    """Return the covariance of [x, vx, y, vy] of one filter, upper triangle row by row."""
-    p = covariance7(kalman, lane)
-    return p[:4] + p[7:10] + p[13:15] + p[18:19]

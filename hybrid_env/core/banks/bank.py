@@ -4,7 +4,9 @@ turn radii, 0 is straight, 1 .. n are left turns, n + 1 .. 2n are right turns.
 
 from typing import Any, NamedTuple
 
-from hybrid_env.core.compilation import formula, internal
+from numba.extending import overload
+
+from hybrid_env.core.compilation import OPTIONS, formula, internal
 from hybrid_env.core.memory import (
     FloatArray,
     IntArray,
@@ -13,7 +15,10 @@ from hybrid_env.core.memory import (
     Triangle4,
     allocate,
     declared,
+    four_of,
+    write_four,
 )
+from hybrid_env.core.vectors import Vector
 
 
 class FilterModel(NamedTuple):
@@ -47,31 +52,40 @@ def filter_model(setting: Any, ratio: float, rare: bool | None) -> FilterModel:
     )
 
 
+def motions_of(bank: Any) -> Any:
+    """Return the modes, records `MOTION`; None where all are straight motion and turns."""
+    return getattr(bank, "motions", None)
+
+
+@overload(motions_of, jit_options=OPTIONS)
+def _select_motions(bank):  # type: ignore[no-untyped-def]
+    return (lambda bank: bank.motions) if "motions" in bank.fields else (lambda bank: None)
+
+
+@formula
+def motion_at(motions: Records | None, hypothesis: int) -> Any:
+    """Return the mode of a hypothesis, from `motions_of`."""
+    if motions is None:
+        return None
+    return motions[hypothesis]
+
+
 IDENTITY: Triangle4 = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
 """P := I, as in the published algorithms (Tsyganov 2019, line 28; Golubkov 2018, setFilters)."""
 
 
-def bank_arrays(
-    bank: Any,
-    radii_count: int,
-    axes: int = 1,
-    blocks: int | None = None,
-    modes: int | None = None,
-) -> Any:
-    """Return a bank of zeros for n radii and 1 or 2 distinct axes. blocks: number of blocks of
-    tracks, the first axis of the arrays that they do not share; None is a single block without this
-    axis. modes: M, if it is not 2 n + 1.
+def bank_arrays(bank: Any, radii_count: int, axes: int = 1, modes: int | None = None) -> Any:
+    """Return a bank of zeros for n radii and 1 or 2 distinct axes, of one block of tracks. modes:
+    M, if it is not 2 n + 1.
     """
     sizes = {
         "modes": 2 * radii_count + 1 if modes is None else modes,
         "columns": radii_count + 1,
         "axes": axes,
+        "blocks_count": 1,
     }
-    sizes["blocks_count"] = 1 if blocks is None else blocks
     arrays = {name: allocate(array, sizes) for name, array in declared(bank).items()}
-    if blocks is None:
-        arrays |= {name: arrays[name][0] for name in declared(bank, "tracks")}
-    return bank(**arrays)
+    return bank(**arrays | {name: arrays[name][0] for name in declared(bank, "block")})
 
 
 @internal
@@ -125,3 +139,46 @@ def estimate_of(hypotheses: Records, hypothesis: int, lane: int) -> State:
     """Return the estimate [x, vx, y, vy] of one hypothesis [m, m/s]."""
     kalman = hypotheses[hypothesis]
     return kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane]
+
+
+@formula
+def state_of(kalman: Any, lane: int) -> Vector:
+    """Return the state of a filter of seven states."""
+    estimate = kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane]
+    return (*estimate, kalman.centre_x[lane], kalman.centre_y[lane], kalman.turn_rate[lane])
+
+
+@formula
+def set_state(kalman: Any, lane: int, state: Vector) -> None:
+    """Set the state of a filter of seven states."""
+    kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane] = state[:4]
+    kalman.centre_x[lane], kalman.centre_y[lane], kalman.turn_rate[lane] = state[4:]
+
+
+@formula
+def covariance7(kalman: Any, lane: int) -> Vector:
+    """Return the covariance of the seven states of a filter, upper triangle row by row."""
+    P = kalman.covariance
+    first = four_of(P, 0, lane) + four_of(P, 4, lane) + four_of(P, 8, lane) + four_of(P, 12, lane)
+    return first + four_of(P, 16, lane) + four_of(P, 20, lane) + four_of(P, 24, lane)
+
+
+@formula
+def set_covariance(kalman: Any, lane: int, p: Vector) -> None:
+    """Set the covariance of the seven states of a filter."""
+    P = kalman.covariance
+    # A loop over so many entries would not become SIMD code.
+    write_four(P, 0, lane, p[:4])
+    write_four(P, 4, lane, p[4:8])
+    write_four(P, 8, lane, p[8:12])
+    write_four(P, 12, lane, p[12:16])
+    write_four(P, 16, lane, p[16:20])
+    write_four(P, 20, lane, p[20:24])
+    write_four(P, 24, lane, p[24:])
+
+
+@internal
+def covariance_of(kalman: Any, lane: int) -> Triangle4:
+    """Return the covariance of [x, vx, y, vy] of one filter, upper triangle row by row."""
+    p = covariance7(kalman, lane)
+    return p[:4] + p[7:10] + p[13:15] + p[18:19]

@@ -12,18 +12,16 @@ from typing import Any
 import numpy as np
 
 from hybrid_env.core.banks import imm
-from hybrid_env.core.banks.anchor_aware import (
-    correct_hypothesis,
+from hybrid_env.core.banks.anchor_aware import correct_hypothesis, sense_predicted
+from hybrid_env.core.banks.bank import (
     covariance7,
     covariance_of,
-    sense_predicted,
     set_covariance,
     set_state,
 )
-from hybrid_env.core.banks.anchor_aware import state_of as state7
-from hybrid_env.core.banks.bank import estimate_of
-from hybrid_env.core.banks.dense import in_seven, predict_linear
-from hybrid_env.core.banks.mixture import NEGLIGIBLE, NOTHING, normalize
+from hybrid_env.core.banks.bank import state_of as state7
+from hybrid_env.core.banks.linear import in_seven, predict_linear
+from hybrid_env.core.banks.mixture import NEGLIGIBLE, merge, normalize
 from hybrid_env.core.compilation import formula, internal
 from hybrid_env.core.elementary import exp, log
 from hybrid_env.core.memory import (
@@ -33,7 +31,6 @@ from hybrid_env.core.memory import (
     Triangle4,
     state_of,
     triangle_of,
-    write_lane,
 )
 from hybrid_env.core.motion import heading_vector
 from hybrid_env.core.vectors import Vector, combination, minus_square
@@ -42,25 +39,6 @@ NO_STATE: Vector = (0.0,) * 7
 NO_COVARIANCE: Vector = (0.0,) * 28
 # Probability of a mode that no transition leads to.
 UNREACHABLE = 1e-300
-
-
-@internal
-def of_block(banks: DenseImmBank, b: int) -> DenseImmBank:
-    """Return the bank of one block from those of all blocks."""
-    return DenseImmBank(
-        banks.hypotheses[b],
-        banks.innovations,
-        banks.sums,
-        banks.mixed,
-        banks.motions,
-        banks.transitions,
-    )
-
-
-@internal
-def motions_of(bank: DenseImmBank) -> Records:
-    """Return the modes, records `MOTION`."""
-    return bank.motions
 
 
 @formula
@@ -158,24 +136,6 @@ def _predict(mixed: Any, first: int, last: int, motion: Any, model: Any) -> None
 
 
 @internal
-def _merge(bank: DenseImmBank, block: Any, first: int, last: int) -> None:
-    """Write the mean and the covariance of [x, vx, y, vy] over all filters to the block."""
-    for lane in range(first, last):
-        origin = estimate_of(bank.hypotheses, 0, lane)
-        mean = 0.0, 0.0, 0.0, 0.0
-        sums = NOTHING
-        for h in range(bank.hypotheses.size):
-            kalman = bank.hypotheses[h]
-            weight = exp(max(kalman.log_probability[lane], NEGLIGIBLE))
-            difference = combination((1.0, -1.0), (estimate_of(bank.hypotheses, h, lane), origin))
-            mean = combination((1.0, weight), (mean, difference))
-            square = minus_square(covariance_of(kalman, lane), difference, -1.0)
-            sums = combination((1.0, weight), (sums, square))
-        write_lane(block.estimate, lane, combination((1.0, 1.0), (mean, origin)))
-        write_lane(block.covariance, lane, minus_square(sums, mean, 1.0))
-
-
-@internal
 def _advance(
     bank: DenseImmBank,
     block: Any,
@@ -202,7 +162,7 @@ def _advance(
             likelihood = kalman.log_likelihood[lane]
             kalman.log_probability[lane] = mixed.log_probability[lane] + likelihood
     normalize(bank, first, last)
-    _merge(bank, block, first, last)
+    merge(bank, block, first, last, covariance_of)
 
 
 @internal

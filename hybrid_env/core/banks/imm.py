@@ -27,7 +27,7 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_env.core.banks.bank import set_estimate, signed_radius
+from hybrid_env.core.banks.bank import estimate_of, set_estimate, signed_radius
 from hybrid_env.core.banks.kalman import weigh
 from hybrid_env.core.banks.mixture import NEGLIGIBLE, merge, normalize
 from hybrid_env.core.banks.sensing import DIVERGED, LARGEST, correct_by_sensors
@@ -45,18 +45,6 @@ from hybrid_env.core.memory import (
 )
 from hybrid_env.core.motion import LARGEST_ANGLE
 from hybrid_env.core.vectors import choose, combination, minus_square
-
-
-@internal
-def of_block(banks: ImmBank, b: int) -> ImmBank:
-    """Return the bank of one block from those of all blocks."""
-    return ImmBank(banks.hypotheses[b], banks.innovations, banks.sums)
-
-
-@internal
-def motions_of(bank: ImmBank) -> None:
-    """Return None: all modes are straight motion and turns."""
-    return None
 
 
 @inlined
@@ -159,6 +147,12 @@ def begin_imm(bank: ImmBank, block: Any, lane: int, known: int) -> None:
 
 
 @formula
+def _covariance(kalman: Any, lane: int) -> Triangle4:
+    """Return the covariance of a filter."""
+    return triangle_of(kalman.covariance, lane)
+
+
+@formula
 def mix(kalman: Any, block: Any, lane: int, model: Any) -> tuple[float, State, Triangle4]:
     """Return the prior probability of a mode in the tick, and its mixed initial condition."""
     probability = exp(max(kalman.log_probability[lane], NEGLIGIBLE))
@@ -171,7 +165,7 @@ def mix(kalman: Any, block: Any, lane: int, model: Any) -> tuple[float, State, T
     difference = combination((1.0, -1.0), (estimate, merged))
     mean = combination((1.0, weight), (merged, difference))
     # The covariance of a mixture of two normal distributions.
-    covariances = triangle_of(kalman.covariance, lane), triangle_of(block.covariance, lane)
+    covariances = _covariance(kalman, lane), triangle_of(block.covariance, lane)
     within = combination((weight, rest), covariances)
     return prior, mean, minus_square(within, difference, -(weight * rest))
 
@@ -267,15 +261,23 @@ def step_imm(
         innovation = bank.innovations[h]
         _step_hypothesis(kalman, innovation, block, first, last, _curvature(h, radii), model)
     normalize(bank, first, last)
-    merge(bank, block, first, last)
+    merge(bank, block, first, last, _covariance)
 
 
 @internal
-def predict_imm(bank: ImmBank, block: Any, lane: int, radii: FloatArray, model: Any) -> None:
-    """Advance every filter of a lane by one tick without a measurement: mixing, prediction and
-    output. The probabilities follow the Markov chain; innovations are zero, with the variance of a
-    measurement.
+def sense_imm(
+    bank: ImmBank,
+    block: Any,
+    lane: int,
+    radii: FloatArray,
+    sensors: Records,
+    model: Any,
+) -> None:
+    """Advance every filter of a lane by one tick without a measurement, or by all that the sensors
+    measure, see `sensing`. Without one the probabilities follow the Markov chain, and innovations
+    are zero, with the variance of a measurement.
     """
+    first, last = np.uint64(lane), np.uint64(lane + 1)
     for h in range(bank.hypotheses.size):
         kalman = bank.hypotheses[h]
         innovation = bank.innovations[h]
@@ -294,20 +296,12 @@ def predict_imm(bank: ImmBank, block: Any, lane: int, radii: FloatArray, model: 
         innovation.log_variance[lane] = 0.5 * (log(sigma_x) + log(sigma_y))
         kalman.log_likelihood[lane] = 0.0
         kalman.log_probability[lane] = log(prior)
-    normalize(bank, np.uint64(lane), np.uint64(lane + 1))
-    merge(bank, block, np.uint64(lane), np.uint64(lane + 1))
-
-
-@internal
-def correct_imm(bank: ImmBank, block: Any, lane: int, sensors: Records, model: Any) -> None:
-    """Correct every filter of a lane after `predict_imm`, by all that is measured; see
-    `sensing`.
-    """
-    for h in range(bank.hypotheses.size):
+    normalize(bank, first, last)
+    measures = not math.isnan(block.measurement[0, lane])
+    for h in range(bank.hypotheses.size if measures else 0):
         kalman = bank.hypotheses[h]
         innovation = bank.innovations[h]
-        state = kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane]
-        p = triangle_of(kalman.covariance, lane)
+        state, p = estimate_of(bank.hypotheses, h, lane), triangle_of(kalman.covariance, lane)
         corrected, q, measured, valid = correct_by_sensors(state, p, block, lane, sensors, model)
         set_estimate(kalman, lane, corrected)
         write_lane(kalman.covariance, lane, q)
@@ -316,22 +310,6 @@ def correct_imm(bank: ImmBank, block: Any, lane: int, sensors: Records, model: A
         likelihood = measured[3] if valid else -DIVERGED
         kalman.log_likelihood[lane] = likelihood
         kalman.log_probability[lane] += likelihood
-    normalize(bank, np.uint64(lane), np.uint64(lane + 1))
-    merge(bank, block, np.uint64(lane), np.uint64(lane + 1))
-
-
-@internal
-def sense_imm(
-    bank: ImmBank,
-    block: Any,
-    lane: int,
-    radii: FloatArray,
-    sensors: Records,
-    model: Any,
-) -> None:
-    """Advance every filter of a lane by one tick without a measurement, or by all that the sensors
-    measure.
-    """
-    predict_imm(bank, block, lane, radii, model)
-    if not math.isnan(block.measurement[0, lane]):
-        correct_imm(bank, block, lane, sensors, model)
+    if measures:
+        normalize(bank, first, last)
+    merge(bank, block, first, last, _covariance)

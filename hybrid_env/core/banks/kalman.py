@@ -66,15 +66,6 @@ def correct_covariance(
 
 
 @formula
-def log_likelihood(white_x: float, white_y: float, log_variance: float) -> float:
-    """Return the log-likelihood ln N(innovation; 0, Sigma) of one tick, whose differences between
-    hypotheses are the ratios of Golubkov 2018, eq. (4), from the whitened innovation and ln of its
-    variance, mean of the axes.
-    """
-    return -(LOG_TWO_PI + log_variance + 0.5 * (white_x * white_x + white_y * white_y))
-
-
-@formula
 def student_log_likelihood(
     white_x: float,
     white_y: float,
@@ -82,7 +73,7 @@ def student_log_likelihood(
     freedom: float,
 ) -> float:
     """Return the logarithm of the bivariate Student t density of an innovation; arguments of
-    `log_likelihood`.
+    `weigh`.
     """
     distance = white_x * white_x + white_y * white_y
     return -(LOG_TWO_PI + log_variance + 0.5 * (freedom + 2.0) * log(1.0 + distance / freedom))
@@ -104,15 +95,17 @@ def weigh(
     log_variance: float,
     freedom: float | None,
 ) -> tuple[float, float]:
-    """Return the weight of the correction by a measurement, and the log-likelihood of its
-    innovation. With a freedom > 0 innovations have a Student t distribution whose scale matrix is
-    the innovation variance, and the correction is weighted as in Agamennoni, Nieto & Nebot 2012,
-    "Approximate inference in state-space models with heavy-tailed noise", with one iteration; the
-    covariances stay those of the Kalman filter.
+    """Return the weight of the correction by a measurement, and the log-likelihood ln N(innovation;
+    0, Sigma) of the tick, whose differences between hypotheses are the ratios of Golubkov 2018, eq.
+    (4), from the whitened innovation and ln of its variance, mean of the axes. With a freedom > 0
+    innovations have a Student t distribution whose scale matrix is the innovation variance, and the
+    correction is weighted as in Agamennoni, Nieto & Nebot 2012, "Approximate inference in
+    state-space models with heavy-tailed noise", with one iteration; the covariances stay those of
+    the Kalman filter.
     """
     if freedom is not None and freedom > 0.0:
         return (
             student_weight(white_x, white_y, freedom),
             student_log_likelihood(white_x, white_y, log_variance, freedom),
         )
-    return 1.0, log_likelihood(white_x, white_y, log_variance)
+    return 1.0, -(LOG_TWO_PI + log_variance + 0.5 * (white_x * white_x + white_y * white_y))

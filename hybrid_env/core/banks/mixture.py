@@ -2,6 +2,7 @@
 Bar-Shalom 1988, output step.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 from hybrid_env.core.banks.bank import estimate_of
@@ -47,8 +48,16 @@ def normalize(bank: Any, first: int, last: int) -> None:
 
 
 @internal
-def merge(bank: Any, block: Any, first: int, last: int) -> None:
-    """Write the mean and the covariance of the mixture of all filters to the block."""
+def merge(
+    bank: Any,
+    block: Any,
+    first: int,
+    last: int,
+    covariance: Callable[[Any, int], Triangle4],
+) -> None:
+    """Write the mean and the covariance of the mixture of all filters to the block. covariance: of
+    [x, vx, y, vy] of a filter in a lane.
+    """
     # Sums of differences lose no digits far from the origin.
     for lane in range(first, last):
         write_lane(block.estimate, lane, estimate_of(bank.hypotheses, 0, lane))
@@ -67,6 +76,6 @@ def merge(bank: Any, block: Any, first: int, last: int) -> None:
             weight = exp(max(kalman.log_probability[lane], NEGLIGIBLE))
             vectors = estimate_of(bank.hypotheses, h, lane), state_of(block.estimate, lane)
             difference = combination((1.0, -1.0), vectors)
-            square = minus_square(triangle_of(kalman.covariance, lane), difference, -1.0)
+            square = minus_square(covariance(kalman, lane), difference, -1.0)
             sums = combination((1.0, weight), (triangle_of(block.covariance, lane), square))
             write_lane(block.covariance, lane, sums)

@@ -1,16 +1,14 @@
 """The operations of the banks, selected by the type of the bank when a kernel is compiled: each is
 the function of this name in the file of the bank.
 
-    of_block(banks, block)                               the bank of one block
-    motions_of(bank)                                     the modes of the user, else None
+    bank_of(bank class, setting, b)                      the bank of block b
 
 With announced switches:
 
     begin(bank, lane, anchor, covariance, radii, model)  start all filters of a lane from the anchor
-    step(bank, first, last, measurement, model)          advance all filters of several lanes
-    follow(bank, lane, hypothesis, measurement, model)   advance one filter, not its likelihood
-    sense(bank, lane, first, last, block, sensors, model)  advance several filters of a lane without
-                                                         a measurement, or by those of sensors
+    step(bank, lowest, stop, first, last, measurement, model)  advance filters of several lanes
+    sense(bank, lane, lowest, stop, block, sensors, model)  advance filters of a lane without a
+                                                         measurement, or by those of sensors
     covariance(bank, hypothesis, lane)                   of [x, vx, y, vy], upper triangle by rows
     predicted_position(bank, hypothesis, lane, model)    of one filter, with its covariance
 
@@ -26,12 +24,14 @@ Calls with the same types share one compiled function: the kernel gives unsigned
 `instance_class` of its type is used here alone.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 from numba.extending import overload
 
 from hybrid_env.core.banks import anchor_aware, dense, dense_imm, imm, published
 from hybrid_env.core.compilation import OPTIONS
+from hybrid_env.core.memory import reader
 
 FILES: dict[type, Any] = {
     published.PublishedBank: published,
@@ -41,10 +41,11 @@ FILES: dict[type, Any] = {
     dense_imm.DenseImmBank: dense_imm,
 }
 """The file of each bank."""
+READERS = {bank: reader(bank) for bank in FILES}
 
 
-def _operation(name: str) -> Any:
-    """Return an operation for compiled code."""
+def _operation(choose: Callable[[type], Any]) -> Any:
+    """Return an operation for compiled code; choose: its function by the class of a bank."""
 
     def operation(bank: Any, *arguments: Any) -> Any:
         raise NotImplementedError("compiled code only")
@@ -52,25 +53,17 @@ def _operation(name: str) -> Any:
     # Not strict: the names of the arguments may differ.
     @overload(operation, jit_options=OPTIONS, strict=False)
     def select(bank, *arguments):  # type: ignore[no-untyped-def]
-        return getattr(FILES[bank.instance_class], name)
+        return choose(bank.instance_class)
 
     return operation
 
 
-of_block, motions_of, begin, step, follow, sense, covariance, predicted_position = map(
-    _operation,
-    (
-        "of_block",
-        "motions_of",
-        "begin",
-        "step",
-        "follow",
-        "sense",
-        "covariance",
-        "predicted_position",
-    ),
-)
-begin_imm, step_imm, sense_imm = map(
-    _operation,
-    ("begin_imm", "step_imm", "sense_imm"),
-)
+def _of_file(name: str) -> Any:
+    """Return the operation of this name in the file of each bank."""
+    return _operation(lambda bank: getattr(FILES[bank], name))
+
+
+bank_of = _operation(READERS.__getitem__)
+begin, step, sense = map(_of_file, ("begin", "step", "sense"))
+covariance, predicted_position = map(_of_file, ("covariance", "predicted_position"))
+begin_imm, step_imm, sense_imm = map(_of_file, ("begin_imm", "step_imm", "sense_imm"))

@@ -14,7 +14,7 @@ from hybrid_env.core.banks.kalman import (
     predict_covariance,
     weigh,
 )
-from hybrid_env.core.compilation import formula, inlined, internal
+from hybrid_env.core.compilation import formula, internal
 from hybrid_env.core.elementary import log
 from hybrid_env.core.memory import (
     FloatArray,
@@ -30,23 +30,6 @@ from hybrid_env.core.motion import (
     propagate,
     turn_centre,
 )
-
-
-@internal
-def of_block(banks: PublishedBank, b: int) -> PublishedBank:
-    """Return the bank of one block from those of all blocks."""
-    return PublishedBank(
-        banks.hypotheses[b],
-        banks.covariances[b],
-        banks.innovations,
-        banks.gains,
-    )
-
-
-@internal
-def motions_of(bank: PublishedBank) -> None:
-    """Return None: all modes are straight motion and turns."""
-    return None
 
 
 @internal
@@ -95,27 +78,6 @@ def _predicted(shared: Any, lane: int, process_variance: float) -> tuple[float, 
 
 
 @formula
-def _step_covariance(
-    shared: Any,
-    gain: Any,
-    lane: int,
-    process_variance: float,
-    variance: float,
-) -> float:
-    """Update the covariance and gain of one radius and axis. Returns the innovation variance
-    [m^2].
-    """
-    covariance = _predicted(shared, lane, process_variance)
-    # Sigma = H P H' + R.
-    innovation_variance = covariance[0] + variance
-    gain_x, gain_v = kalman_gain(covariance, innovation_variance)
-    xx, xv, vv = correct_covariance(covariance, gain_x, gain_v, variance)
-    shared.xx[lane], shared.xv[lane], shared.vv[lane] = xx, xv, vv
-    gain.gain_x[lane], gain.gain_v[lane] = gain_x, gain_v
-    return innovation_variance
-
-
-@formula
 def predict_estimate(kalman: Any, shared: Any, lane: int) -> State:
     """Return the predicted estimate [x, vx, y, vy] of a filter. Golubkov 2018, eq. (2)."""
     C = shared.cosine[lane]
@@ -126,57 +88,56 @@ def predict_estimate(kalman: Any, shared: Any, lane: int) -> State:
     return x, vx, y, vy
 
 
-@formula
-def _correct_estimate(
-    kalman: Any,
-    predicted: State,
-    gain_x: Any,
-    gain_y: Any,
-    lane: int,
-    x: float,
-    y: float,
-) -> None:
-    """Correct the predicted estimate of a filter by an innovation, which may be weighted [m]."""
-    kalman.x[lane] = predicted[0] + gain_x.gain_x[lane] * x
-    kalman.vx[lane] = predicted[1] + gain_x.gain_v[lane] * x
-    kalman.y[lane] = predicted[2] + gain_y.gain_x[lane] * y
-    kalman.vy[lane] = predicted[3] + gain_y.gain_v[lane] * y
-
-
-@inlined
-def _step_estimates(
+@internal
+def step(
     bank: PublishedBank,
+    lowest: int,
+    stop: int,
     first: int,
     last: int,
     measurement: FloatArray,
-    freedom: float | None,
+    model: Any,
 ) -> None:
-    """Predict and correct the estimates of every filter, and update their log-likelihoods."""
+    """Advance filters lowest .. stop - 1, all or one, and their log-likelihoods of lanes first ..
+    last - 1 by one tick with a measurement, (2, LANES) [m]. Golubkov 2018, eq. (2) and (4).
+    """
     axes, columns = bank.covariances.shape
-    for h in range(bank.hypotheses.size):
+    first_column = radius_column(lowest, columns - 1)
+    last_column = radius_column(stop - 1, columns - 1)
+    for axis in range(axes):
+        variance = model.variance_x if axis == 0 else model.variance_y
+        for column in range(first_column, last_column + 1):
+            shared = bank.covariances[axis, column]
+            gain = bank.gains[axis, column]
+            for lane in range(first, last):
+                covariance = _predicted(shared, lane, model.process_variance)
+                # Sigma = H P H' + R.
+                innovation_variance = covariance[0] + variance
+                gain_x, gain_v = kalman_gain(covariance, innovation_variance)
+                xx, xv, vv = correct_covariance(covariance, gain_x, gain_v, variance)
+                shared.xx[lane], shared.xv[lane], shared.vv[lane] = xx, xv, vv
+                gain.gain_x[lane], gain.gain_v[lane] = gain_x, gain_v
+                gain.whitener[lane] = math.sqrt(1.0 / innovation_variance)
+                gain.log_variance[lane] = log(innovation_variance)
+    for h in range(lowest, stop):
         kalman = bank.hypotheses[h]
         innovation = bank.innovations[h]
         column = radius_column(h, columns - 1)
         shared = bank.covariances[0, column]
-        gain_x = bank.gains[0, column]
-        gain_y = bank.gains[axes - 1, column]
+        of_x = bank.gains[0, column]
+        of_y = bank.gains[axes - 1, column]
         for lane in range(first, last):
-            predicted = predict_estimate(kalman, shared, lane)
-            innovation_x = measurement[0, lane] - predicted[0]
-            innovation_y = measurement[1, lane] - predicted[2]
-            white_x = innovation_x * gain_x.whitener[lane]
-            white_y = innovation_y * gain_y.whitener[lane]
-            log_variance = 0.5 * (gain_x.log_variance[lane] + gain_y.log_variance[lane])
-            weight, likelihood = weigh(white_x, white_y, log_variance, freedom)
-            _correct_estimate(
-                kalman,
-                predicted,
-                gain_x,
-                gain_y,
-                lane,
-                weight * innovation_x,
-                weight * innovation_y,
-            )
+            x, vx, y, vy = predict_estimate(kalman, shared, lane)
+            innovation_x = measurement[0, lane] - x
+            innovation_y = measurement[1, lane] - y
+            white_x = innovation_x * of_x.whitener[lane]
+            white_y = innovation_y * of_y.whitener[lane]
+            log_variance = 0.5 * (of_x.log_variance[lane] + of_y.log_variance[lane])
+            weight, likelihood = weigh(white_x, white_y, log_variance, model.freedom)
+            kalman.x[lane] = x + of_x.gain_x[lane] * (weight * innovation_x)
+            kalman.vx[lane] = vx + of_x.gain_v[lane] * (weight * innovation_x)
+            kalman.y[lane] = y + of_y.gain_x[lane] * (weight * innovation_y)
+            kalman.vy[lane] = vy + of_y.gain_v[lane] * (weight * innovation_y)
             innovation.white_x[lane] = white_x
             innovation.white_y[lane] = white_y
             innovation.log_variance[lane] = log_variance
@@ -184,79 +145,18 @@ def _step_estimates(
 
 
 @internal
-def step(
-    bank: PublishedBank,
-    first: int,
-    last: int,
-    measurement: FloatArray,
-    model: Any,
-) -> None:
-    """Advance every filter and its log-likelihood of lanes first .. last - 1 by one tick with a
-    measurement, (2, LANES) [m]. Golubkov 2018, eq. (2) and (4).
-    """
-    axes, columns = bank.covariances.shape
-    for axis in range(axes):
-        variance = model.variance_x if axis == 0 else model.variance_y
-        for column in range(columns):
-            shared = bank.covariances[axis, column]
-            gain = bank.gains[axis, column]
-            for lane in range(first, last):
-                innovation_variance = _step_covariance(
-                    shared,
-                    gain,
-                    lane,
-                    model.process_variance,
-                    variance,
-                )
-                gain.whitener[lane] = math.sqrt(1.0 / innovation_variance)
-                gain.log_variance[lane] = log(innovation_variance)
-    _step_estimates(bank, first, last, measurement, model.freedom)
-
-
-@internal
-def follow(
-    bank: PublishedBank,
-    lane: int,
-    hypothesis: int,
-    measurement: FloatArray,
-    model: Any,
-) -> None:
-    """Advance the filter of one hypothesis of a lane after a decision, without its log-likelihood.
-    Golubkov 2018, algorithm 1, line 15.
-    """
-    axes, columns = bank.covariances.shape
-    column = radius_column(hypothesis, columns - 1)
-    for axis in range(axes):
-        variance = model.variance_x if axis == 0 else model.variance_y
-        shared = bank.covariances[axis, column]
-        gain = bank.gains[axis, column]
-        innovation_variance = _step_covariance(shared, gain, lane, model.process_variance, variance)
-        gain.whitener[lane] = math.sqrt(1.0 / innovation_variance)
-    gain_x = bank.gains[0, column]
-    gain_y = bank.gains[axes - 1, column]
-    kalman = bank.hypotheses[hypothesis]
-    predicted = predict_estimate(kalman, bank.covariances[0, column], lane)
-    x = measurement[0, lane] - predicted[0]
-    y = measurement[1, lane] - predicted[2]
-    white_x = x * gain_x.whitener[lane]
-    white_y = y * gain_y.whitener[lane]
-    weight, _ = weigh(white_x, white_y, 0.0, model.freedom)
-    _correct_estimate(kalman, predicted, gain_x, gain_y, lane, weight * x, weight * y)
-
-
-@internal
 def sense(
     bank: PublishedBank,
     lane: int,
-    first: int,
-    last: int,
+    lowest: int,
+    stop: int,
     block: Any,
     sensors: Records,
     model: Any,
 ) -> None:
-    """Advance every filter of a lane by one tick without a measurement: only the prediction of
-    eq. (2). With a radar the bank is the anchor-aware one with an exact anchor, because the axes
-    are not independent.
+    """Advance filters lowest .. stop - 1 of a lane by one tick without a measurement: only the
+    prediction of eq. (2). With a radar the bank is the anchor-aware one with an exact anchor,
+    because the axes are not independent.
     """
     axes, columns = bank.covariances.shape
     for axis in range(axes):
@@ -266,7 +166,7 @@ def sense(
             xx, xv, vv = _predicted(shared, lane, model.process_variance)
             shared.xx[lane], shared.xv[lane], shared.vv[lane] = xx, xv, vv
             bank.gains[axis, column].log_variance[lane] = log(xx + variance)
-    for h in range(bank.hypotheses.size):
+    for h in range(lowest, stop):
         kalman = bank.hypotheses[h]
         innovation = bank.innovations[h]
         column = radius_column(h, columns - 1)
