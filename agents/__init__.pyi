@@ -11,7 +11,6 @@ from agents.functions import compare as compare
 from agents.functions import evaluate as evaluate
 from agents.functions import load as load
 from agents.functions import train as train
-from agents.learned.policy import ObservationFeatures as ObservationFeatures
 from agents.learned.statement_decider import UtilityDecider as UtilityDecider
 from agents.learned.statement_net import StatementNet as StatementNet
 from agents.learned.statement_net import StatementOutputs as StatementOutputs

@@ -35,6 +35,7 @@ hybridtrack train --out runs/ppo --seed 1
 hybridtrack train --recipe anchor --out runs/anchor --measurement-variance 0.5
 hybridtrack train --resume runs/ppo --steps 3000000
 hybridtrack train --set n_envs=128 policy_kwargs.net_arch=[32]
+hybridtrack train --modes 'straight, stop, left 5, right 5, accelerate 1'
 hybridtrack train --env HybridTrackQuickest-v0 --recipe rhythm""",
     "evaluate": """
 hybridtrack evaluate ate:1e-6 msprt:0.02 fixed:30 shipped
@@ -52,7 +53,8 @@ hybridtrack compare ate msprt-type msprt --env HybridTrackBank-v0 --accuracy 0.9
 hybridtrack play shipped                           # in a window
 hybridtrack play msprt:0.02 --out episode.gif
 hybridtrack play beam --env HybridTrackQuickest-v0 --out episode.png
-hybridtrack play --scheme 'L60r3 R75r5 S50' --radii 3 5 --out flight.gif --record flight.csv""",
+hybridtrack play --scheme 'L60r3 R75r5 S50' --radii 3 5 --out flight.gif --record flight.csv
+hybridtrack play --modes 'straight, stop' --scheme '50 straight, 30 stop' --record stop.csv""",
     "track": """
 hybridtrack track flight.csv --lengths 50 --radii 3 5 10
 hybridtrack track flight.csv --lengths 60 75 50 --radii 3 5 --measurement-variance 0.1""",

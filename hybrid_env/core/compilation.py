@@ -116,7 +116,7 @@ def prepare(dispatcher: Any, *arguments: Any) -> None:
     folder, name = dispatcher.stats.cache_path, dispatcher.__name__
     if not folder or not any(Path(folder).glob(f"*.{name}-*.nbi")):
         kept = f"kept in {folder}" if folder else "not kept: set NUMBA_CACHE_DIR"
-        print(f"HybridTrack: compiling {name}, up to 15 s, {kept}", file=sys.stderr)
+        print(f"HybridTrack: compiling {name}, up to 30 s, {kept}", file=sys.stderr)
     collects = gc.isenabled()
     # It would take a fifth of the time of a compilation.
     gc.disable()

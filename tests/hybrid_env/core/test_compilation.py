@@ -42,7 +42,7 @@ def run(tmp_path, monkeypatch, capsys):
 
 
 def test_only_the_first_process_compiles_and_says_where_the_code_is_kept(tmp_path, run):
-    assert f"compiling element, up to 15 s, kept in {tmp_path / 'cache'}" in run()
+    assert f"compiling element, up to 30 s, kept in {tmp_path / 'cache'}" in run()
     assert run() == ""
 
 
