@@ -18,7 +18,7 @@ from agents.evaluation.registry import (
 )
 from baselines.recordings.decisions import RowDecisions, decide_piece
 from baselines.recordings.imm_pass import TrackModel
-from baselines.recordings.model_fit import check_consistency, fit_model, with_stop
+from baselines.recordings.model_fit import check_consistency, check_radii, fit_model, with_stop
 from baselines.recordings.recording import Recording, make_recording
 from baselines.recordings.scatter import without_errors, without_standing
 from baselines.recordings.ticks import Piece, TickGrid, tick_grid
@@ -305,13 +305,15 @@ class TrackingArguments(ErrorArguments):
         lengths = self._lengths(grid)
         duration = None if self.durations is None else parse_durations(self.durations).mean_duration
         variances = self.measurement_variance, self.process_variance
-        model = fit_model(moving, self.radii or None, *variances, duration, lengths, modes)
-        stops = with_stop(grid, model) if standing else model
+        given = self.radii or None, *variances, duration, lengths, modes
+        model = fit_model(moving, *given)
+        stops = with_stop(grid, model, fit_model(grid, *given)) if standing else model
+        check_radii(stops)
         try:
             tracker = self._tracker(lengths, grid, stops)
             model, standing = stops, 0
         except ArgumentError:
-            if stops is model:
+            if modes or not stops.modes:
                 raise
             # The decider may know only straight motion and turns.
             grid = moving

@@ -45,10 +45,9 @@ def fit_model(
     modes: tuple[Mode, ...] = (),
 ) -> TrackModel:
     """Find what is not given of a model by maximum likelihood; a recording that does not move is
-    refused, and one that stands for a while, see `_radii_of_noise`. Without radii [unit of length]
-    and modes, one to three radii are proposed, as many as the Bayesian information criterion
-    allows. With a radar R is its `nominal_variance`. With lengths, the ticks between known
-    switches, the mean duration has no effect.
+    refused. Without radii [unit of length] and modes, one to three radii are proposed, as many as
+    the Bayesian information criterion allows. With a radar R is its `nominal_variance`. With
+    lengths, the ticks between known switches, the mean duration has no effect.
     """
     # Smallest standard deviation of a measurement, over the median motion of a tick.
     smallest_noise = 1e-4
@@ -110,7 +109,7 @@ def fit_model(
     if duration is None:
         duration = _counted_duration(run_pass(chunks, best))
         free.append("duration")
-    fitted = TrackModel(
+    return TrackModel(
         tuple(sorted(radius * scale for radius in best.radii) if radii is None else radii),
         measurement_variance or best.measurement_variance * rough,
         best.process_variance * rough / tau**2 if process_variance is None else process_variance,
@@ -122,25 +121,27 @@ def fit_model(
         tuple(sorted(radius * scale for radius in better)),
         modes,
     )
-    wrong = _radii_of_noise(fitted)
-    if turns and wrong and {"radii", "measurement_variance"} <= set(free):
+
+
+def check_radii(model: TrackModel) -> None:
+    """Refuse a model if a radius that was found is none of a moving object."""
+    free = {"radii", "measurement_variance"} <= set(model.estimated)
+    if free and model.turns and _turns_are_noise(model):
         raise ArgumentError(
-            "the object stands still in a part of the recording, which looks like turns of radius"
-            f" {wrong[0]:.3g}, below three standard deviations of the noise, or more than a turn in"
-            " a tick: give --radii, or --modes with a stop"
+            "the object stands still in a part of the recording, which looks like turns of a radius"
+            " below three standard deviations of the noise, or of more than a turn in a tick: give"
+            " --radii, or --modes with a stop"
         )
-    return fitted
 
 
-def _radii_of_noise(model: TrackModel) -> list[float]:
-    """Return the radii that no moving object has: they are the noise while it stands."""
+def _turns_are_noise(model: TrackModel) -> bool:
+    """Return whether a radius is none of a moving object, but the noise while it stands."""
     step = model.speed * model.tau
     smallest_radius = 3.0 * math.sqrt(model.measurement_variance)
-    return [
-        radius
+    return any(
+        radius < smallest_radius < 3.0 * step or step / radius > 2.0 * math.pi
         for radius in model.radii
-        if radius < smallest_radius < 3.0 * step or step / radius > 2.0 * math.pi
-    ]
+    )
 
 
 def nominal_variance(grid: TickGrid) -> float:
@@ -187,8 +188,11 @@ def _more_radii(
         candidate = _refine(likelihood, candidate, free)
         likeliest = likelihood(candidate)
         closest = np.diff(np.sort(np.log(candidate.radii))).min()
-        clearer = likeliest >= value + penalty + CLEARLY
-        if not clearer or closest < distinct or _radii_of_noise(candidate):
+        if (
+            likeliest < value + penalty + CLEARLY
+            or closest < distinct
+            or _turns_are_noise(candidate)
+        ):
             break
         best = candidate
         value = likeliest
@@ -247,17 +251,21 @@ def _refine(likelihood: Likelihood, start: TrackModel, free: list[str]) -> Track
     return parameters(cost.x)
 
 
-def with_stop(grid: TickGrid, model: TrackModel) -> TrackModel:
+def with_stop(grid: TickGrid, moving: TrackModel, whole: TrackModel) -> TrackModel:
     """Return the model of the moving parts of a recording, with a stop as its last mode and a mean
-    duration that counts the stops; the model itself if a stop explains the recording no better, as
-    that of an object that is slow for a moment.
+    duration that counts the stops; or the model of the whole recording, if a stop explains it no
+    better than motion, as of an object that is slow for a moment.
     """
-    modes = *model.all_modes, Stop()
-    stopping = replace(model, modes=modes, estimated=(*model.estimated, "modes"))
-    moves, stops = (each.run(grid, (), 2048)[0] for each in (model, stopping))
-    if stops.log_likelihood < moves.log_likelihood + CLEARLY:
-        return model
-    if "duration" in model.estimated:
+    stopping = replace(
+        moving,
+        modes=(*moving.all_modes, Stop()),
+        estimated=(*moving.estimated, "modes"),
+    )
+    stops, *moves = (model.run(grid, (), 2048)[0] for model in (stopping, moving, whole))
+    clearly = stops.log_likelihood > max(each.log_likelihood for each in moves) + CLEARLY
+    if not clearly or _turns_are_noise(moving):
+        return whole
+    if "duration" in moving.estimated:
         stopping = replace(stopping, duration=_counted_duration(stops))
     return stopping
 

@@ -10,6 +10,9 @@ from agents.cli import main
 from agents.interface.output_files import write_json
 from agents.recordings.tracking import track_recording
 from baselines import OnlineTracker
+from baselines.recordings.recording import make_recording
+from baselines.recordings.scatter import without_standing
+from baselines.recordings.ticks import tick_grid
 from baselines.recordings.track_modes import in_units
 from hybrid_env.checks import ArgumentError
 from hybrid_env.modes import Accelerate, LinearMode, Turn, TurnRate
@@ -113,16 +116,25 @@ def test_short_stops_are_found(name, ticks):
 
         letters, _ = tracked.of_modes(tracked.modes)
         assert tracked.mode_names() == ["S", "L", "R", "stop"]
-        assert np.mean(letters == modes) > 0.7
+        assert np.mean(letters == modes) > 0.65
         assert np.mean((letters == "stop")[modes == "stop"]) > 0.7
 
 
-def test_an_object_that_is_slow_for_a_moment_does_not_stop():
-    """It brakes and goes back on a line, again and again."""
-    speed = 3.0 * np.clip(1.5 * np.cos(np.arange(600) * np.pi / 40.0), -1.0, 1.0)
+@pytest.mark.parametrize("kind", ["varies", "turns back"])
+def test_an_object_that_is_slow_for_a_moment_does_not_stop(kind):
+    """A window of it looks like noise."""
+    rng = np.random.default_rng([0, 5])
+    logarithms = np.zeros(600)
+    for k in range(1, 600):
+        logarithms[k] = 0.97 * logarithms[k - 1] + 0.15 * rng.normal()
+    speed = {
+        "varies": 3.0 * np.exp(logarithms),
+        "turns back": 10.0 * np.clip(1.5 * np.cos(np.arange(600) * np.pi / 40.0), -1.0, 1.0),
+    }[kind]
     positions = np.cumsum(speed)[:, None] * np.array([0.8, 0.6])
-    positions += np.random.default_rng(2).normal(0.0, 1.0, positions.shape)
+    positions += rng.normal(0.0, 1.0, (600, 2))
 
+    assert without_standing(tick_grid(make_recording(None, positions)))[1] > 0
     assert track_recording(None, positions).mode_names() == ["S", "L", "R"]
 
 
