@@ -108,7 +108,11 @@ class ModelOptions(Checked):
             raise unknown(
                 "option", name, [*names, "render_mode"], f"{cls.__name__} has all options"
             )
-        return cls(**keywords)
+        options = cls(**keywords)
+        radii = keywords.get("radii", options.radii)
+        if keywords.get("modes") is not None and not np.array_equal(radii, options.radii):
+            raise reject("radii", radii, "none with modes, whose turns have their own")
+        return options
 
     def __post_init__(self) -> None:
         if self.modes is not None:

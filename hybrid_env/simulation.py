@@ -1,6 +1,7 @@
 """Simulated recordings: many runs of one scheme at once, for studies without an environment."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,9 +11,9 @@ from numpy.typing import ArrayLike
 from hybrid_env.checks import FloatArray, IntArray, check_array, check_integer, checked, reject
 from hybrid_env.core.compilation import compiled, prepare
 from hybrid_env.core.memory import BLOCK, LANES, PARAMETERS, SENSOR, aligned_zeros
-from hybrid_env.core.true_object import begin_motion, move
+from hybrid_env.core.true_object import MODE, begin_motion, move
 from hybrid_env.limits import Quantity, QuantityOrZero, axis_variances
-from hybrid_env.modes import modes_of_radii
+from hybrid_env.modes import Mode, modes_of_radii, motion_table, parse_modes
 from hybrid_env.noises import Noise, parse_noise
 from hybrid_env.scheme import FixedScheme, parse_scheme, segment_table
 
@@ -25,14 +26,16 @@ class Simulation:
         truth: (n, T, 4) true states [x, vx, y, vy] [m, m/s].
         measurements: (n, T, 2) measured positions [m].
         lengths: (K,) segment lengths [ticks].
-        signed_radii: (K,) turn radii [m], positive to the left, negative to the right, 0 if
-            straight.
+        signed_radii: (K,) turn radii [m], positive to the left, negative to the right, 0 for other
+            modes.
+        modes: (K,) places in the argument `modes`; without it 0 straight, 1 left, 2 right.
     """
 
     truth: FloatArray
     measurements: FloatArray
     lengths: IntArray
     signed_radii: FloatArray
+    modes: IntArray
 
 
 @compiled
@@ -40,6 +43,7 @@ def _simulate(
     blocks: Any,
     lengths: IntArray,
     table: FloatArray,
+    motions: Any,
     options: Any,
     sensors: Any,
     truth: FloatArray,
@@ -52,9 +56,10 @@ def _simulate(
         k = 0
         for segment in range(lengths.size):
             for lane in range(LANES):
-                begin_motion(block, lane, table[segment], None, setting.tau)
+                block.true_mode[lane] = np.int64(table[segment, MODE])
+                begin_motion(block, lane, table[segment], motions, setting.tau)
             for _ in range(lengths[segment]):
-                move(block, draws, np.uint64(0), np.uint64(LANES), sensors, None, setting, True)
+                move(block, draws, np.uint64(0), np.uint64(LANES), sensors, motions, setting, True)
                 for lane in range(LANES):
                     for axis in range(4):
                         truth[b * LANES + lane, k, axis] = block.truth[axis, lane]
@@ -68,6 +73,7 @@ def simulate(
     runs: int = 1,
     seed: int = 0,
     *,
+    modes: str | Sequence[Mode | str] | None = None,
     start: ArrayLike = (0.0, 0.0, 0.0, 2.0),
     tau: float = 0.1,
     process_variance: float = 0.001,
@@ -81,6 +87,8 @@ def simulate(
         scheme: a fixed scheme or its text.
         runs: n, number of runs.
         seed: seed of the random streams; run i of a seed does not depend on n.
+        modes: the modes that the scheme names, as in the environments; None is straight motion and
+            turns of any radius.
         start: (4,) true state [x, vx, y, vy] one tick before the first measurement [m, m/s].
         tau: length of a tick [s].
         process_variance: Q [m^2/s^2].
@@ -97,8 +105,9 @@ def simulate(
     streams = sequence.generate_state(4 * number * LANES, np.uint64)
     blocks["random_state"] = streams.reshape(number, LANES, 4).swapaxes(1, 2)
     blocks["truth"] = check_array("start", start, (4,))[:, None]
-    # The modes in the table, by some radius, are not used.
-    table = segment_table(fixed, modes_of_radii((1.0,)))
+    named = parse_modes(modes)
+    # Turns of any radius are modes of some radius in the table, which has their own.
+    table = segment_table(fixed, named or modes_of_radii((1.0,)))
     lengths = np.array([piece.length for piece in fixed.pieces])
     truth = np.empty((number * LANES, lengths.sum(), 4))
     measurements = np.empty((number * LANES, lengths.sum(), 2))
@@ -110,7 +119,10 @@ def simulate(
     parameters["deviation_x"], parameters["deviation_y"] = deviations[[0, -1]]
     for name, value in parse_noise(noise).parameters().items():
         parameters[name] = value
-    arguments = blocks, lengths, table, parameters, np.zeros(0, SENSOR), truth, measurements
+    motions = None if named is None else motion_table(named, tau, variance)
+    sensors = np.zeros(0, SENSOR)
+    arguments = blocks, lengths, table, motions, parameters, sensors, truth, measurements
     prepare(_simulate, *arguments)
     _simulate(*arguments)
-    return Simulation(truth[:runs], measurements[:runs], lengths, table[:, 0])
+    places = table[:, MODE].astype(np.int64)
+    return Simulation(truth[:runs], measurements[:runs], lengths, table[:, 0], places)

@@ -340,7 +340,10 @@ REFUSED = {
         ({"scheme": "50 stop"}, "straight, left 5, right 5"),
         ({"scheme": "50 turn rate 1"}, "straight, left 5, right 5"),
     ),
-    "radii": (({"modes": "straight, left 0.001", "tau": 1.0}, "at least 0.02"),),
+    "radii": (
+        ({"modes": "straight, left 0.001", "tau": 1.0}, "at least 0.02"),
+        ({"modes": "straight, stop", "radii": (3.0,)}, "none with modes"),
+    ),
     "refine_radius": (({"modes": "straight, stop", "refine_radius": True}, "False"),),
 }
 
@@ -349,7 +352,7 @@ REFUSED = {
 def test_options_that_are_not_allowed_are_refused_in_one_line(name):
     for given, reason in REFUSED[name]:
         with pytest.raises(ArgumentError) as caught:
-            WorldOptions(**given)
+            WorldOptions.of_keywords(given)
         message = str(caught.value)
         assert message.startswith(f"{name}="), message
         assert reason in message
