@@ -51,8 +51,8 @@ class ModelOptions(Checked):
         radii: turn radii of the bank [m], each as a left and as a right turn: M = 2 n + 1
             hypotheses of n radii. The short form of `modes`.
         modes: modes of object and bank, see `hybrid_env.modes`: "straight, left 5, turn rate 0.2,
-            stop, accelerate 1", or a sequence of names and of mode objects. With them `radii` has no
-            effect. None is straight motion and the turns of `radii`.
+            stop, accelerate 1", or a sequence of names and of mode objects. With them `radii` has
+            no effect. None is straight motion and the turns of `radii`.
         speed: initial speed of the object [m/s].
         heading: initial heading of the object [rad], counter-clockwise from the x axis; None means
             a uniform one.
