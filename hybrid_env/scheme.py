@@ -158,21 +158,20 @@ def segment_table(scheme: Scheme, modes: Sequence[Mode]) -> FloatArray:
     option `radii` leaves out is the mode on the same side with the closest curvature.
     """
     if isinstance(scheme, FixedScheme):
-        segments = [(piece.signed_radius or piece.name, piece.length) for piece in scheme.pieces]
+        segments = [(piece.name, piece.signed_radius, piece.length) for piece in scheme.pieces]
     else:
         drawn = modes if scheme.radii is None else modes_of_radii(scheme.radii)
-        segments = [(mode.signed_radius or mode.name, 0) for mode in drawn]
-    # By the radius of a turn, or the name of another mode.
-    places = {mode.signed_radius or mode.name: k for k, mode in enumerate(modes)}
+        segments = [(mode.name, mode.signed_radius, 0) for mode in drawn]
+    places = {mode.name: k for k, mode in enumerate(modes)}
     by_radii = tuple(modes) == modes_of_radii(radii_of_modes(modes))
     table = []
-    for key, length in segments:
-        radius = key if isinstance(key, float) else 0.0
-        if key not in places and by_radii and radius:
-            turns = [other for other in places if isinstance(other, float) and other * radius > 0.0]
-            places[key] = places[min(turns, key=lambda other: abs(1.0 / other - 1.0 / radius))]
-        if key not in places:
-            name = Turn(radius).name if radius else key
+    for name, radius, length in segments:
+        if name not in places and by_radii and radius:
+            turns = [mode for mode in modes if mode.signed_radius * radius > 0.0]
+            nearest = min(turns, key=lambda turn: abs(1.0 / turn.signed_radius - 1.0 / radius))
+            places[name] = places[nearest.name]
+        if name not in places:
             raise unknown("scheme", name, [mode.name for mode in modes])
-        table.append((radius, places[key], length))
+        place = places[name]
+        table.append((radius or modes[place].signed_radius, place, length))
     return np.array(table, float)

@@ -462,6 +462,18 @@ def test_a_fixed_scheme_moves_and_stops_the_object():
     np.testing.assert_allclose([y, vy], 0.0, atol=1e-12)
 
 
+def test_modes_of_one_radius_are_told_apart_by_their_names():
+    class Arc(Turn):
+        @property
+        def name(self):
+            return f"arc {self.radius:g}"
+
+    modes = Straight(), Turn(5.0), Arc(5.0)
+    fixed = WorldOptions(modes=modes, scheme="9 left 5, 9 arc 5, 9 straight").table
+    assert fixed.tolist() == [[5.0, 1.0, 9.0], [5.0, 2.0, 9.0], [0.0, 0.0, 9.0]]
+    assert WorldOptions(modes=modes).table[:, 1].tolist() == [0.0, 1.0, 2.0]
+
+
 @pytest.mark.parametrize("follow", ["declared", "bank"])
 def test_decisions_do_not_change_the_object(follow):
     # The noise of a mode with a covariance of its own has numbers of its own.

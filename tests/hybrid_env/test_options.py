@@ -97,6 +97,9 @@ def test_modes_are_straight_left_right_and_unknown_radii_map_to_the_nearest_curv
     scheme = parse_scheme("S10 L10r3 R10r3 L10r2.9 R10r100")
     table = segment_table(scheme, modes_of_radii((1.0, 3.0, 10.0)))
     assert table[:, 1].tolist() == [0, 2, 5, 2, 6]
+    # Not to one that a turn before it was mapped to.
+    table = segment_table(parse_scheme("L10r7.4 L10r6.5"), modes_of_radii((5.0, 10.0)))
+    assert table[:, 1].tolist() == [2, 1]
     table = segment_table(RandomScheme(), modes_of_radii((1.0, 3.0)))
     assert table[:, 1].tolist() == [0, 1, 2, 3, 4]
 
