@@ -44,7 +44,9 @@ def read_json(path: Path) -> Any:
 
 
 def parse_yaml(text: str) -> Any:
-    """Parse YAML; numbers as in `read_json`, and none with colons. Raises ValueError."""
+    """Parse YAML without aliases; numbers as in `read_json`, and none with colons. Raises
+    ValueError.
+    """
     try:
         return yaml.load(text, _Loader)
     except RecursionError:
@@ -56,7 +58,14 @@ def parse_yaml(text: str) -> Any:
 
 
 class _Loader(yaml.SafeLoader):
-    """Refuses what YAML 1.1 alone takes for a number."""
+    """Refuses what YAML 1.1 alone takes for a number, and aliases: a few nested ones that are
+    merged need hours.
+    """
+
+    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+        if self.check_event(yaml.AliasEvent):
+            raise ValueError("aliases are not allowed")
+        return super().compose_node(parent, index)
 
     def construct_number(self, node: yaml.ScalarNode) -> float:
         # Of base 60, such as 1:59:59.

@@ -16,6 +16,10 @@ NO_VALUES = {
     "an infinite number": ".inf",
     "a text as a number": "!!float x",
     "a list as an ordered mapping": "!!omap [x]",
+    # Without limits each one is as long as nine of the last one.
+    "aliases that are merged": "{0: &a0 {x: 1}, "
+    + ", ".join(f"{k + 1}: &a{k + 1} {{<<: [{', '.join([f'*a{k}'] * 9)}]}}" for k in range(12))
+    + "}",
 }
 
 
