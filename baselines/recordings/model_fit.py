@@ -263,7 +263,8 @@ def with_stop(grid: TickGrid, moving: TrackModel, whole: TrackModel) -> TrackMod
     )
     stops, *moves = (model.run(grid, (), 2048)[0] for model in (stopping, moving, whole))
     clearly = stops.log_likelihood > max(each.log_likelihood for each in moves) + CLEARLY
-    if not clearly or _turns_are_noise(moving):
+    # Given radii are those of the object.
+    if not clearly or ("radii" in moving.estimated and _turns_are_noise(moving)):
         return whole
     if "duration" in moving.estimated:
         stopping = replace(stopping, duration=_counted_duration(stops))

@@ -100,6 +100,15 @@ def test_stops_are_found(name):
     assert "modes" in tracked.model.estimated
 
 
+def test_stops_are_found_beside_given_radii_that_are_close_to_the_noise():
+    times, positions, modes = recorded("walker")
+
+    tracked = track_recording(times, positions, radii=(1.2, 10.0))
+
+    assert tracked.mode_names()[-1] == "stop"
+    assert np.mean(tracked.of_modes(tracked.modes)[0] == modes) > OBJECTS["walker"][3]
+
+
 @pytest.mark.parametrize("name", ["walker", "robot", "ship"])
 @pytest.mark.parametrize("ticks", [5, 10, 20])
 def test_short_stops_are_found(name, ticks):
