@@ -53,18 +53,21 @@ def read_network(path: Path) -> tuple[Callable[[Any], NDArray[Any]], tuple[int, 
     content = _checked_model(path)
     import onnxruntime
 
-    settings = onnxruntime.SessionOptions()
-    settings.intra_op_num_threads = settings.inter_op_num_threads = 1
-    # Fatal errors only.
-    settings.log_severity_level = 4
+    limited, free = onnxruntime.SessionOptions(), onnxruntime.SessionOptions()
+    for settings in (limited, free):
+        settings.intra_op_num_threads = settings.inter_op_num_threads = 1
+        # Fatal errors only.
+        settings.log_severity_level = 4
     # What is computed ahead of a call when a graph is optimised has no bounds.
-    settings.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_DISABLE_ALL
-    settings.add_session_config_entry("session.use_env_allocators", "1")
+    limited.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_DISABLE_ALL
+    limited.add_session_config_entry("session.use_env_allocators", "1")
     _limit_memory()
-    session = onnxruntime.InferenceSession(content, settings, providers=["CPUExecutionProvider"])
+    providers = ["CPUExecutionProvider"]
+    widths = _check_calls(onnxruntime.InferenceSession(content, limited, providers=providers))
+    # It is now known to be small; calls with the rows of many tracks need more memory.
+    session = onnxruntime.InferenceSession(content, free, providers=providers)
     given = session.get_inputs()[0].name
     out = session.get_outputs()[0].name
-    widths = _check_calls(session)
     return lambda rows: session.run([out], {given: np.asarray(rows, np.float32)})[0], widths
 
 
