@@ -312,7 +312,7 @@ def check_consistency(
     count = np.count_nonzero(~np.isnan(squared))
     if count < 30:
         sentence = f"only {count} innovations: whether the model fits cannot be checked"
-        return innovations, [sentence, *_further(grid, model)]
+        return innovations, [sentence, *_further(grid)]
     noise = noise_estimate(grid) if grid.radar is None else None
     # 1 if the model holds, as the next one; not of a radar, whose noise depends on the range.
     scatter = 1.0 if noise is None else math.sqrt(noise / model.measurement_variance)
@@ -368,10 +368,10 @@ def check_consistency(
         sentences.append(
             f"{far:.1%} of the residuals are outliers, more than three standard deviations off"
         )
-    return innovations, sentences + _further(grid, model)
+    return innovations, sentences + _further(grid)
 
 
-def _further(grid: TickGrid, model: TrackModel) -> list[str]:
+def _further(grid: TickGrid) -> list[str]:
     """Return sentences about what no model explains."""
     sentences = []
     if grid.radar is not None:
