@@ -117,7 +117,7 @@ def train(
     Raises:
         ArgumentError: an argument is not allowed.
     """
-    settings = load_recipe(recipe, env_id, changes, "modes" in options)
+    settings = load_recipe(recipe, env_id, changes, options.get("modes") is not None)
     folder = None if out is None else Path(out)
     begun = resume and folder is not None and has_checkpoint(folder)
     run = make_run(env_id, options, settings, seed, folder, steps, begun)
