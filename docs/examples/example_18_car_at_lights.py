@@ -60,6 +60,7 @@ results = compare(**drive)
 import matplotlib.pyplot as plt
 import numpy as np
 
+from agents.figures.tracks import UNDECIDED, draw_timelines
 from hybrid_env.rendering.evidence import mode_colour
 
 env = gym.make("hybrid_env:HybridTrack-v0", **drive)
@@ -76,7 +77,7 @@ true_mode, truth, measured = (
 figure, (plane, bars) = plt.subplots(
     2, 1, figsize=(9, 7), height_ratios=(2, 1), layout="constrained"
 )
-colours = np.array([mode_colour(k, options.all_modes) for k in range(options.hypotheses)])
+colours = [mode_colour(k, options.all_modes) for k in range(options.hypotheses)]
 plane.plot(*measured.T, ".", color="0.6", markersize=3, label="measured")
 for k, mode in enumerate(options.all_modes):
     plane.plot(*truth[true_mode == k][:, [0, 2]].T, ".", color=colours[k], label=mode.name)
@@ -84,12 +85,11 @@ plane.set(xlabel="x, m", ylabel="y, m", aspect="equal")
 plane.legend(frameon=False)
 
 # A bar is grey while the decider waits, and then has the colour of the mode that it declares.
-for row, decided in enumerate(results.values()):
-    ends = np.cumsum(decided.length[0])
-    starts = ends - decided.length[0]
-    switches = starts + decided.ticks[0]
-    bars.barh(row, switches - starts, left=starts, color="0.85")
-    bars.barh(row, ends - switches, left=switches, color=colours[decided.decided_mode[0]])
-bars.barh(len(results), ends - starts, left=starts, color=colours[true_mode[starts]])
-bars.set(xlabel="tick", yticks=range(4), yticklabels=[*results, "true mode"], xlim=(0, ends[-1]))
+rows = {"true mode": true_mode}
+for name, decided in results.items():
+    pieces = zip(decided.length[0], decided.ticks[0], decided.decided_mode[0], strict=True)
+    rows[name] = np.concatenate(
+        [np.where(np.arange(length) < wait, UNDECIDED, mode) for length, wait, mode in pieces]
+    )
+draw_timelines(bars, np.arange(len(true_mode) + 1), rows, colours, "tick", wrong={})
 plt.show()
