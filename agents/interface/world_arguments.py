@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
 from agents.interface.help_texts import ENVIRONMENT, field_texts, shown_default
-from agents.interface.input_files import read_json
 from hybrid_env.checks import declared_fields, reject, unknown
+from hybrid_env.json_files import read_json
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.registration import ENVIRONMENTS, environment_options

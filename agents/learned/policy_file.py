@@ -13,12 +13,12 @@ from safetensors.torch import load_file, save_file
 from torch import Tensor
 
 from agents.algorithms import find_algorithm
-from agents.interface.input_files import read_json
 from agents.interface.output_files import atomic_file, write_json
 from agents.interface.world_arguments import CARD
 from agents.learned.torch_defaults import torch_defaults
 from baselines.rules.decider import ANNOUNCED, UNKNOWN
 from hybrid_env.checks import checked, declared_fields, reject
+from hybrid_env.json_files import read_json
 from hybrid_env.observation import Layout, QuickestLayout
 
 WEIGHTS = "policy.safetensors"

@@ -15,8 +15,9 @@ from pathlib import Path
 from typing import Any
 
 from agents.algorithms import find_algorithm
-from agents.interface.input_files import parse_yaml, read_text
+from agents.interface.input_files import parse_yaml
 from hybrid_env.checks import check_integer, declared_fields, reject, unknown
+from hybrid_env.json_files import read_text
 
 FOLDER = Path(__file__).parent / "recipes"
 # Ends of the names of files of recipes.

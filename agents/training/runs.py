@@ -4,12 +4,12 @@ from pathlib import Path
 from typing import Any
 
 from agents.algorithms import find_algorithm
-from agents.interface.input_files import read_json
 from agents.training import run_folder
 from agents.training.algorithm import Algorithm
 from agents.training.checkpoint import has_checkpoint
 from agents.training.recipe import Recipe, recipe_of
 from hybrid_env.checks import check_integer, reject
+from hybrid_env.json_files import read_json
 
 
 def make_run(
