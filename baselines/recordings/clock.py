@@ -1,5 +1,24 @@
 """Times of a sensor as numbers of uniform ticks, as the filters of the banks need them."""
 
+from contextlib import suppress
+from datetime import datetime
+from numbers import Real
+from typing import Any
+
+import numpy as np
+
+from hybrid_env.checks import reject
+
+
+def number_of(time: Any) -> float:
+    """Return a time as a number, of a date that since 1970 [s]; it may be NaN or infinite."""
+    with suppress(OverflowError, ValueError, OSError):
+        if isinstance(time, datetime):
+            return time.timestamp()
+        if isinstance(time, Real) and not isinstance(time, (bool, np.bool_, np.timedelta64)):
+            return float(time)
+    raise reject("time", time, "a number, NaN if it is not known, or a datetime")
+
 
 class TickClock:
     """Gives every time the tick that it belongs to, and its distance from that tick.

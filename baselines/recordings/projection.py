@@ -2,25 +2,27 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Interval, Unit
 from numpy.typing import ArrayLike
 from pyproj import Proj
 
-from hybrid_env.checks import FloatArray
+from hybrid_env.checks import Checked, FloatArray
 
 
 @dataclass(frozen=True)
-class Projection:
+class Projection(Checked):
     """Azimuthal equidistant projection of the WGS 84 ellipsoid; x points east and y north at its
     centre. Snyder 1987, "Map projections: a working manual", pages 191 to 202. Distances from the
     centre are exact, others too long by at most (r / 6371 km)^2 / 6 at the distance r from it: 0.4
     % at 1,000 km.
     """
 
-    # Of the centre [deg].
-    latitude: float
-    longitude: float
+    # Of the centre.
+    latitude: Annotated[float, Interval(ge=-90.0, le=90.0), Unit("deg")]
+    longitude: Annotated[float, Interval(ge=-360.0, le=360.0), Unit("deg")]
 
     @cached_property
     def _proj(self) -> Proj:

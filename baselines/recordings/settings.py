@@ -1,33 +1,105 @@
 """What was found on a recording, for a tracker on a live sensor."""
 
-import json
-import os
-from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any
+
+from annotated_types import Interval
 
 from baselines.recordings.imm_pass import TrackModel
 from baselines.recordings.projection import Projection
-from hybrid_env.checks import ArgumentError, reject
-from hybrid_env.modes import parse_modes
+from baselines.rules.decider import UNKNOWN, Decider, rules
+from hybrid_env.checks import (
+    ArgumentError,
+    Checked,
+    Count,
+    Positive,
+    PositiveOrZero,
+    declared_fields,
+    reject,
+)
+from hybrid_env.json_files import read_json
+from hybrid_env.modes import Mode, parse_modes
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.sensors import Radar
 
+# Bytes of track.json. A thousand modes need less, a hundred with matrices too.
+LARGEST_FILE = 2**20
 
-class TrackerSettings(NamedTuple):
-    """Arguments of an `OnlineTracker`."""
+# Of the units of a recording, which are any; squares and products do not overflow.
+Found = Annotated[float, Interval(ge=1e-60, le=1e60)]
+FoundOrZero = Annotated[float, Interval(ge=0.0, le=1e60)]
 
-    # In the units of the recording.
-    model: TrackModel
-    # The same in those of an environment.
-    options: QuickestOptions
-    # Name of the decider, with its threshold.
+
+def _modes(value: Any, name: str) -> tuple[Mode, ...]:
+    return () if value == [] else parse_modes(value, name) or ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackerSettings(Checked):
+    """What a tracker needs of a recording with unknown switches, in its units; the fields are those
+    of track.json.
+    """
+
+    tick: Found
+    gap: Positive
+    measurement_variance: Found
+    process_variance: FoundOrZero
+    radii: tuple[Found, ...]
+    # [ticks]
+    duration: PositiveOrZero
+    speed: FoundOrZero
+    # Law; None is geometric.
+    durations: str | None
+    # Of the longest piece.
+    ticks: Count
+    # Name of the rule, with its threshold.
     decider: str
-    # [time unit of the recording]
-    gap: float
+    known_switches: bool
     projection: Projection | None
-    # (4,) [x, vx, y, vy] where the options have 0.
-    origin: tuple[float, float, float, float]
+    radar: Radar | None
+    modes: Annotated[tuple[Mode, ...], _modes]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.known_switches:
+            raise reject("known_switches", True, "a recording whose switches were not known")
+
+    @property
+    def model(self) -> TrackModel:
+        """What the filters assume."""
+        return TrackModel(
+            self.radii,
+            self.measurement_variance,
+            self.process_variance,
+            self.duration,
+            self.speed,
+            self.tick,
+            modes=self.modes,
+        )
+
+    @property
+    def options(self) -> QuickestOptions:
+        """The model in the units of an environment."""
+        return self.model.unknown_switches(self.durations, self.ticks, self.radar)
+
+    @property
+    def origin(self) -> tuple[float, float, float, float]:
+        """[x, vx, y, vy] where the options have 0."""
+        x, y = (0.0, 0.0) if self.radar is None else self.radar.position
+        return x, 0.0, y, 0.0
+
+    def rule(self) -> Decider:
+        """Return the decider of the recording; `ArgumentError` for one that is no rule."""
+        name, _, text = self.decider.partition(":")
+        if name not in rules(UNKNOWN):
+            allowed = f"one for its options: the recording was tracked by {name}"
+            raise reject("decider", None, allowed)
+        decider = rules(UNKNOWN)[name].create(self.options)
+        try:
+            return decider.at(float(text)) if text else decider
+        except ValueError:
+            raise reject("decider", self.decider, "a rule with its threshold") from None
 
 
 def read_settings(recording: Any) -> TrackerSettings:
@@ -37,41 +109,19 @@ def read_settings(recording: Any) -> TrackerSettings:
         ArgumentError: the file cannot be read, or the switches of the recording were known.
     """
     if hasattr(recording, "settings"):
-        values = recording.settings()
-    else:
-        path = Path(os.fspath(recording))
-        try:
-            values = json.loads(path.read_text())
-        except (OSError, ValueError) as error:
-            raise reject(
-                "recording", str(path), f"a track.json of hybridtrack track: {error}"
-            ) from None
+        return _settings(recording.settings())
     try:
-        return _settings(values)
+        path = Path(recording)
+        return _settings(read_json(path, LARGEST_FILE))
+    except ArgumentError as error:
+        raise ArgumentError(f"{path.name}: {error}") from None
+    except (OSError, ValueError, TypeError) as error:
+        allowed = f"a track.json of hybridtrack track: {error}"
+        raise reject("recording", str(recording), allowed) from None
+
+
+def _settings(values: Any) -> TrackerSettings:
+    try:
+        return TrackerSettings(**{name: values[name] for name in declared_fields(TrackerSettings)})
     except (KeyError, TypeError) as error:
-        raise ArgumentError(f"recording: no track.json of hybridtrack track: {error!r}") from None
-
-
-def _settings(values: Mapping[str, Any]) -> TrackerSettings:
-    if values["known_switches"]:
-        raise reject("recording", values["object"], "one whose switches were not known")
-    radar = None if values["radar"] is None else Radar(**values["radar"])
-    x, y = (0.0, 0.0) if radar is None else radar.position
-    model = TrackModel(
-        tuple(values["radii"]),
-        values["measurement_variance"],
-        values["process_variance"],
-        values["duration"],
-        values["speed"],
-        values["tick"],
-        modes=parse_modes(values.get("modes") or None) or (),
-    )
-    place = values["projection"]
-    return TrackerSettings(
-        model,
-        model.unknown_switches(values["durations"], values["ticks"], radar),
-        values["decider"],
-        values["gap"],
-        None if place is None else Projection(place["latitude"], place["longitude"]),
-        (x, 0.0, y, 0.0),
-    )
+        raise ArgumentError(f"no track.json of hybridtrack track: {error!r}") from None

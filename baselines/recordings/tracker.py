@@ -14,13 +14,13 @@ from numpy.typing import ArrayLike
 from baselines.estimation.forecast import check_times
 from baselines.estimation.turn_tracks import TurnTracks
 from baselines.estimation.turns import Turn, speed_of
-from baselines.recordings.clock import TickClock
+from baselines.recordings.clock import TickClock, number_of
 from baselines.recordings.online_estimate import OnlineEstimate, Status
 from baselines.recordings.sensor_units import SensorUnits
 from baselines.recordings.start import FirstMeasurements, gate_distance, unit_noise
 from baselines.recordings.track_modes import in_units, names_of_modes
 from baselines.recordings.track_state import Snapshot, TrackState
-from baselines.rules.decider import UNKNOWN, Decider, rules
+from baselines.rules.decider import Decider
 from baselines.rules.external import CheckedDecider, as_decider, name_of
 from baselines.rules.measurements import run_compiled
 from hybrid_env.checks import (
@@ -80,7 +80,8 @@ class OnlineTracker(OwnState):
         decider: reads rows of that environment.
         gate: distance from the nearest predicted position above which a measurement is not used, in
             standard deviations; None uses all.
-        gap: longest time between two measurements of a track; None is 1,000 ticks.
+        gap: longest time between two measurements of a track, at most 10,000 ticks; None is 1,000
+            ticks.
         projection: measurements are latitudes and longitudes [deg], which it projects to metres.
         scales: (4,) of [x, vx, y, vy] from the units of the measurements to those of the options;
             None if they are the same.
@@ -100,6 +101,8 @@ class OnlineTracker(OwnState):
     # Number of measurements after which a snapshot is taken, see `Snapshot`. A late measurement is
     # used if at most so many came before it.
     history = 50
+    # Ticks of the longest gap: each is predicted, and later no prediction is of use.
+    longest_gap = 10_000
 
     def __init__(
         self,
@@ -122,7 +125,8 @@ class OnlineTracker(OwnState):
             check_array("origin", origin, (4,)),
         )
         self.tau = options.tau * self.units.second
-        self.gap = 1000.0 * self.tau if gap is None else checked("gap", gap, Positive)
+        given = 1000.0 * self.tau if gap is None else checked("gap", gap, Positive)
+        self.gap = min(given, self.longest_gap * self.tau)
         self._model = np.array(options.radii, float), options.tau
         self._stops = any(mode.type == "stop" for mode in options.all_modes)
         self._noise = unit_noise(options)
@@ -151,22 +155,9 @@ class OnlineTracker(OwnState):
         from baselines.recordings.settings import read_settings
 
         settings = read_settings(recording)
-        options = settings.options
-        if decider is None:
-            name, _, threshold = settings.decider.partition(":")
-            if name not in rules(UNKNOWN):
-                allowed = f"one for its options: the recording was tracked by {name}"
-                raise reject("decider", None, allowed)
-            decider = rules(UNKNOWN)[name].create(options)
-            for attribute, text in zip(
-                ("threshold", decider.second_threshold),
-                threshold.split(",") if threshold else (),
-                strict=False,
-            ):
-                decider = decider.changed(**{attribute: float(text)})
         return cls(
-            options,
-            decider,
+            settings.options,
+            settings.rule() if decider is None else decider,
             gate,
             settings.gap,
             settings.projection,
@@ -250,14 +241,14 @@ class OnlineTracker(OwnState):
                 last one. A measurement whose time is NaN is dropped.
 
         Raises:
-            ArgumentError: the measurement has another form, or is missing and the decider cannot
-                do without it.
+            ArgumentError: measurement or time have another form, or the measurement is missing and
+                the decider cannot do without it.
         """
         point = self.units.measured(measurement)
         if time is None:
             self.state.clock.tick()
             return self.advance(1, point)
-        moment = time.timestamp() if isinstance(time, datetime) else float(time)
+        moment = number_of(time)
         if not math.isfinite(moment):
             return self._known("dropped")
         last = self.state.time

@@ -1,5 +1,7 @@
 """The on-line tracker: times, missing measurements and the first statement."""
 
+from datetime import date, datetime
+
 import numpy as np
 import pytest
 from matrix_filters import LiteralImm, MatrixExtendedKalmanFilter
@@ -8,6 +10,7 @@ from scipy.special import softmax
 from baselines import CusumDecider, FixedTimeDecider, OnlineTracker, ThresholdDecider
 from baselines.recordings.projection import Projection
 from hybrid_env import QuickestOptions, WorldOptions
+from hybrid_env.checks import ArgumentError
 
 START = [0.0, 2.0, 0.0, 0.3]
 P = np.diag([0.1, 0.04, 0.2, 0.09]) + 0.01 * np.array(
@@ -261,3 +264,28 @@ def test_a_statement_is_decided_from_the_first_crossing_of_the_threshold_on(thre
     np.testing.assert_array_equal(decided, np.logical_or.accumulate(crossed))
     assert any(decided) == (threshold < 1.0)
     assert not decided[0]
+
+
+@pytest.mark.parametrize(
+    "time",
+    [
+        "12:00",
+        "3.5",
+        b"1",
+        True,
+        10**400,
+        date(2024, 5, 1),
+        datetime.min,
+        np.datetime64("2024-05-01"),
+        np.timedelta64(1, "s"),
+        [1.0],
+        1j,
+    ],
+    ids=str,
+)
+def test_a_time_of_another_form_is_refused_in_one_line(time):
+    tracker = OnlineTracker(QuickestOptions(), ThresholdDecider())
+    with pytest.raises(ArgumentError, match=r"^time=.*a number.*or a datetime"):
+        tracker.update((0.0, 0.0), time)
+    assert tracker.update((0.0, 0.0), np.float32(1.0)).status == "used"
+    assert tracker.update((0.0, 0.0), np.float32(np.nan)).status == "dropped"
