@@ -97,6 +97,7 @@ HOSTILE_ZIPS = {
     ),
     "a call": lambda: (actor_weights() | {"x": Calls(bytearray, 10**10)}, "{}"),
     "nested data": lambda: (actor_weights(), "[" * 100_000),
+    "lists in data": lambda: (actor_weights(), '{"a": [' + "[]," * 4_000_000 + "[]]}"),
     "zeros": lambda: (
         stored(actor_weights(), zipfile.ZIP_DEFLATED, [("archive/zeros", bytes(2**27))]),
         "{}",

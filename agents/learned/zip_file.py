@@ -17,6 +17,8 @@ from agents.learned.policy_file import LARGEST_FILE, check_finite
 
 # Files in a zip file, and tensors.
 MOST_PARTS = 20_000
+# Bytes of what a model says about itself. As values they need some thirty times as many.
+LARGEST_DATA = 10**7
 
 
 def read_plain(source: Path | bytes, largest: int) -> Any:
@@ -52,6 +54,8 @@ def read_model(path: Path) -> tuple[dict[str, Any], dict[str, Tensor]]:
         Exception: of any kind, if the file is damaged, too large, or not of plain, finite tensors.
     """
     with _opened(path.read_bytes(), LARGEST_FILE) as file:
+        if file.getinfo("data").file_size > LARGEST_DATA:
+            raise ValueError(f"data in it is larger than {LARGEST_DATA:,} bytes")
         data, content = json.loads(file.read("data")), file.read("policy.pth")
     weights = read_plain(content, LARGEST_FILE)
     # A tensor with strides can repeat few numbers, and tensors can share them.

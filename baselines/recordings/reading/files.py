@@ -15,6 +15,7 @@ import gpxpy
 import numpy as np
 import pandas as pd
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.csv
 import pyarrow.parquet
 
@@ -39,8 +40,9 @@ class Limits:
     rows: int = 2_500_000
     columns: int = 2_000
     cells: int = 50_000_000
-    # Characters of a line.
+    # Characters of a line, and bytes of a text in a column of a Parquet file.
     line: int = 50_000
+    cell: int = 1_000
     # Tags of a GPX file.
     tags: int = 10_000_000
 
@@ -172,25 +174,47 @@ def _content(path: Path) -> tuple[str, bytes]:
 def _read_parquet(content: bytes, file: str) -> Table:
     """Read the columns of numbers, texts and times."""
     try:
-        source = pa.BufferReader(content)
-        schema = pyarrow.parquet.read_schema(source)
+        schema = pyarrow.parquet.read_schema(pa.BufferReader(content))
         kept = [column.name for column in schema if not pa.types.is_nested(column.type)]
-        texts = [column.name for column in schema if pa.types.is_string(column.type)]
         # Texts that repeat are stored once, and may be far larger than the file.
-        stored = pyarrow.parquet.ParquetFile(pa.BufferReader(content), read_dictionary=texts)
+        stored = pyarrow.parquet.ParquetFile(pa.BufferReader(content), read_dictionary=kept)
         rows = stored.metadata.num_rows
         LIMITS.check(file, rows=rows, columns=len(kept), cells=rows * len(kept))
-        frame = stored.read(columns=kept, use_threads=False).to_pandas()
+        table = stored.read(columns=kept, use_threads=False)
+        # The index of pandas, whose columns have no names of their own, is the first column.
+        index = [name.startswith("__index_level_") for name in table.column_names]
+        long = [_is_long(column) for column in table.columns]
+        order = [k for k in np.argsort(np.invert(index), kind="stable").tolist() if not long[k]]
+        # What pandas says about the columns may be damaged.
+        frame = table.select(order).to_pandas(ignore_metadata=True)
     except (pa.ArrowException, OSError, ValueError, TypeError, OverflowError) as error:
         if isinstance(error, ArgumentError):
             raise
         raise ArgumentError(f"{file}: the Parquet file is damaged ({error})") from None
     if not rows:
         raise reject("file", file, "a file with rows, not an empty table")
-    if frame.index.dtype != np.int64 or frame.index.name is not None:
-        frame = frame.reset_index(names=frame.index.name or "")
-    names = tuple(map(str, frame.columns))
-    return Table(file, frame.set_axis(range(len(names)), axis=1), names, np.arange(1, rows + 1))
+    names = tuple("" if index[k] else table.column_names[k] for k in order)
+    unread = [name for name, is_long in zip(table.column_names, long, strict=True) if is_long]
+    notes = [f"columns of long texts, which are not read: {', '.join(unread)}"] if unread else []
+    frame = frame.set_axis(range(len(names)), axis=1)
+    return Table(file, frame, names, np.arange(1, rows + 1), notes=notes)
+
+
+def _is_long(column: pa.ChunkedArray) -> bool:
+    """Return whether texts of a column are longer than numbers, times and names, or would be larger
+    together than a file may be.
+    """
+    if not pa.types.is_dictionary(column.type) or pa.types.is_primitive(column.type.value_type):
+        return False
+    lengths = pa.chunked_array(
+        [
+            pc.binary_length(part.dictionary).cast(pa.int64()).take(part.indices)
+            for part in column.chunks
+        ],
+        pa.int64(),
+    )
+    longest, total = pc.max(lengths).as_py() or 0, pc.sum(lengths).as_py() or 0
+    return longest > LIMITS.cell or total > LIMITS.megabytes * 10**6
 
 
 def _read_gpx(content: bytes, file: str) -> Table:

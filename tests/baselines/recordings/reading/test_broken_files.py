@@ -1,6 +1,7 @@
 """Files that are damaged, very large, or no recordings: one line each."""
 
 import gzip
+import json
 import os
 import tracemalloc
 
@@ -172,6 +173,40 @@ def test_texts_that_a_parquet_file_repeats_are_not_expanded(read):
 
     assert len(read(stream.getvalue().to_pybytes()).recordings[0].times) == 13_000
     assert pa.default_memory_pool().max_memory() - before < 100_000_000
+
+
+def parquet(**columns):
+    """A file of 200 rows, x and y, and other columns."""
+    rows = np.arange(200.0)
+    stream = pa.BufferOutputStream()
+    pyarrow.parquet.write_table(pa.table({"t": rows, "x": rows, "y": rows} | columns), stream)
+    return stream.getvalue().to_pybytes()
+
+
+def test_texts_that_are_too_long_for_a_cell_are_no_column(read):
+    long = ["1" + "0" * 9000] * 200
+    assert "long texts, which are not read: note" in read(parquet(note=long)).summary
+    with pytest.raises(ArgumentError, match=r"no columns x and y.*its columns are t, y\)"):
+        read(parquet(x=long))
+
+
+def test_texts_are_bounded_as_those_of_other_files(read, monkeypatch):
+    file = parquet(note=pa.array(["a" * 900] * 200, pa.large_string()))
+    assert "columns not used: note" in read(file).summary
+    monkeypatch.setattr(files, "LIMITS", Limits(megabytes=0.1))
+    assert "long texts, which are not read: note" in read(file).summary
+
+
+def test_damaged_metadata_of_pandas_do_not_matter(read):
+    named = pa.Table.from_pandas(FRAME.set_index("t"))
+    metadata = json.loads(named.schema.metadata[b"pandas"])
+    del metadata["columns"][0]["name"]
+    stream = pa.BufferOutputStream()
+    damaged_one = named.replace_schema_metadata({"pandas": json.dumps(metadata)})
+    pyarrow.parquet.write_table(damaged_one, stream)
+
+    [recording] = read(stream.getvalue().to_pybytes()).recordings
+    np.testing.assert_array_equal(recording.times, FRAME.t)
 
 
 def test_what_is_not_a_regular_file_is_refused_without_waiting(tmp_path):
