@@ -160,6 +160,8 @@ class Track(TrackingArguments, TrustArguments):
         tables = {"modes.csv": tracked.piece_table(), "estimates.csv": tracked.row_table()}
         for name, columns in tables.items():
             table = pd.DataFrame(columns)
+            # A spreadsheet would calculate a name such as =1+1.
+            table["object"] = table["object"].str.replace(r"^(?=[=+\-@|])", "'", regex=True)
             table.to_csv(folder / name, index=False, na_rep="nan", lineterminator="\n")
         write_json(folder / "track.json", tracked.settings())
         if self.png:

@@ -169,9 +169,14 @@ def look_like_degrees(times: FloatArray, positions: FloatArray) -> bool:
     return bool(np.median(speeds) < 0.01 and offset > max(2.0 * extent.max(), 1.0))
 
 
-def reasons(table: "Table") -> list[str]:
-    """Return what was left out, a phrase for each reason."""
-    return [f"{reason} ({len(lines):,})" for reason, lines in table.left_out.items()]
+def reasons(table: "Table") -> str:
+    """Return what was left out and why."""
+    return ", ".join(f"{reason} ({len(lines):,})" for reason, lines in table.left_out.items())
+
+
+def remarks(table: "Table") -> list[str]:
+    """Return phrases about what was assumed and left out."""
+    return [*dict.fromkeys(table.notes)] + [f"left out: {reasons(table)}"] * bool(table.left_out)
 
 
 def lost(table: "Table") -> int:

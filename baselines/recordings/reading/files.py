@@ -359,6 +359,9 @@ def _form(lines: list[str]) -> tuple[str, int | None]:
             # The delimiter of the header may be another one, as of numpy.savetxt.
             fit = (known >= 2 and usual > 1, usual > 1 and times / len(rows), known, -number)
             best = max(best, (*fit, delimiter, number), key=lambda form: form[:4])
+            # The names of the columns are above the first row.
+            if usual > 1 and len(cells) == usual and not words and lines[number][0] not in "#%":
+                break
     _, share, known, _, delimiter, number = best
     if known >= 2:
         return delimiter, number

@@ -1,8 +1,10 @@
 """Reading a file of modes over time, true or stated: CSV, TSV or Parquet, also compressed."""
 
 import os
+import warnings
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -10,7 +12,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from baselines.recordings.reading.cleaning import ordered_rows
+from baselines.recordings.reading.cleaning import ordered_rows, remarks
 from baselines.recordings.reading.columns import Columns, numbered_column, object_column_of
 from baselines.recordings.reading.files import Table, read_table
 from baselines.recordings.reading.names import ONE_OBJECT, plain_name, role_of
@@ -141,6 +143,8 @@ def read_modes(
     times = _read_times(table, roles, clocks["time"], time_unit, dated)
     cells = table.frame[mode].astype(object)
     result = ModeFile({}, {})
+    # From here on what is noted concerns rows that are samples.
+    table = replace(table, notes=[], left_out={})
     for name, rows in object_rows(table, Columns(roles), Path(path)):
         ordered, seconds = ordered_rows(table, times.seconds, rows)
         instants: FloatArray | NDArray[np.datetime64] = seconds
@@ -150,6 +154,8 @@ def read_modes(
         result.modes[name] = [
             None if pd.isna(cells.iloc[row]) else cell_text(cells.iloc[row]) for row in ordered
         ]
+    if said := remarks(table):
+        warnings.warn(f"{table.file}: {'; '.join(said)}", stacklevel=2)
     return result
 
 

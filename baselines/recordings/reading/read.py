@@ -167,15 +167,23 @@ def object_rows(table: Table, roles: Columns, path: Path) -> list[tuple[str, Int
     column = roles.roles.get("object")
     if column is None:
         stem = path.name.removesuffix(".gz")
-        return [(Path(stem).stem or stem, np.arange(len(table.frame)))]
+        return [(_writable(Path(stem).stem or stem), np.arange(len(table.frame)))]
     codes, names = pd.factorize(table.frame[column])
     table.leave_out("rows without an object", table.lines[codes < 0])
     return [(cell_text(name), np.flatnonzero(codes == k)) for k, name in enumerate(names)]
 
 
 def cell_text(value: Any) -> str:
-    """Return a cell as short text; whole numbers have no decimal point."""
-    return re.sub(r"^(\d+)\.0+$", r"\1", " ".join(str(value).split()))[:60]
+    """Return a cell as short text; whole numbers have no decimal point, and what would be a formula
+    no quotation mark before it, as `hybridtrack track` writes it.
+    """
+    text = re.sub(r"^(\d+)\.0+$", r"\1", " ".join(str(value).split()))[:60]
+    return re.sub(r"^'(?=[=+\-@|])", "", _writable(text))
+
+
+def _writable(text: str) -> str:
+    """Return a text without characters that XML or UTF-8 does not have."""
+    return re.sub(r"[\0-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]", "\ufffd", text)
 
 
 def read_times(
@@ -439,7 +447,7 @@ def _recording(
         )
     rows, seconds, positions = rows[kept], seconds[kept], positions[kept]
     if cleaning.lost(table) - already > 0.5 * total:
-        causes = ", ".join(cleaning.reasons(table))
+        causes = cleaning.reasons(table)
         raise ArgumentError(f"{table.file}: more than half of {name} is left out: {causes}")
     breaks: Any = ()
     if table.segments is not None:

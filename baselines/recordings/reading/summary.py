@@ -49,9 +49,7 @@ def summary(
         sentences.append(f"{_counted(pieces, 'piece')} between gaps")
     if not table.headed and not roles.chosen:
         sentences.append(f"no header: columns taken as {', '.join(roles.roles)}")
-    sentences += dict.fromkeys(table.notes)
-    if table.left_out:
-        sentences.append(f"left out: {', '.join(cleaning.reasons(table))}")
+    sentences += cleaning.remarks(table)
     if roles.unused:
         more = f" and {len(roles.unused) - 6} more" * (len(roles.unused) > 6)
         sentences.append(f"columns not used: {', '.join(roles.unused[:6])}{more}")

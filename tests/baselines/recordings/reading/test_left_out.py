@@ -72,6 +72,14 @@ def test_rows_are_left_out_and_counted(read, more, left_out):
         read(content, bad_rows="refuse")
 
 
+def test_names_below_the_first_row_are_no_header(read):
+    """They would cost the rows above them."""
+    file = read("\n".join([*LINES[1:151], "x,y", *LINES[151:]]))
+    np.testing.assert_array_equal(file.recordings[0].times, T)
+    assert file.left_out == {"rows with another number of cells": 1}
+    assert "no header: columns taken as time, x, y" in file.summary
+
+
 def test_rows_out_of_order_are_sorted(read):
     swapped = FRAME.iloc[[*range(50), 51, 50, *range(52, ROWS)]]
     for frame in (swapped, FRAME[::-1]):

@@ -53,3 +53,9 @@ def test_tracks_and_dates(read):
     assert list(other.like(file, "x").times) == ["b", "a"]
     with pytest.raises(ArgumentError, match=r"tracks of x=.*also a"):
         read("track,date,state\nc,2026-01-01,1\nb,2026-01-02,0\n").like(file, "x")
+
+
+def test_rows_that_are_sorted_or_without_a_time_are_said(read):
+    with pytest.warns(UserWarning, match=r"modes\.csv: .*sorted: 1.*rows without a time \(2\)"):
+        file = read("t,mode\n0,a\n1,b\n3,d\n2,c\nnan,x\n,y\n4,e\n")
+    assert file.modes == {"modes": [*"abcde"]}
