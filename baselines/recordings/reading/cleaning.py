@@ -12,6 +12,8 @@ if TYPE_CHECKING:
 
 # Fewer steps do not tell how an object moves.
 FEWEST = 20
+# Reason of rows that may be of another object.
+ELSEWHERE = "repeated times at other places"
 
 
 def ahead_rows(times: FloatArray) -> BoolArray:
@@ -46,18 +48,29 @@ def going_on(times: FloatArray) -> tuple[FloatArray, int]:
     return times + DAY * np.cumsum(set_back), count
 
 
+def times_are_rounded(times: FloatArray, positions: FloatArray) -> bool:
+    """Whether rows of one time are about as far apart as others, positions (n, 2)."""
+    lengths = np.hypot(*np.diff(positions, axis=0).T)
+    known, same = ~np.isnan(lengths), np.diff(times) == 0.0
+    within, between = lengths[known & same], lengths[known & ~same]
+    return bool(len(within) and len(between) and np.median(within) > 0.3 * np.median(between))
+
+
 def ordered_rows(
     table: "Table",
     seconds: FloatArray,
     rows: IntArray,
-    spread: bool = False,
+    positions: FloatArray | None = None,
+    marked: bool = True,
 ) -> tuple[IntArray, FloatArray]:
     """Return the rows (k,) of an object in the order of their times, and the times.
 
     Rows out of order are sorted, see also `ahead_rows` and `going_on`. Of rows with one time the
-    first is kept; with `spread`, where most seconds have several rows, they are spread over the
-    second.
+    first is kept. Where most times have several rows, and the positions of the table, (n, 2), show
+    that the times are rounded to minutes, ten seconds or seconds, the rows are spread over these.
+    `marked`: the rows are known to be of one object.
     """
+    rounded = positions is not None and times_are_rounded(seconds[rows], positions[rows])
     times = seconds[rows]
     table.leave_out("rows without a time", table.lines[rows[np.isnan(times)]])
     rows, times = rows[~np.isnan(times)], times[~np.isnan(times)]
@@ -79,13 +92,21 @@ def ordered_rows(
     order = np.argsort(times, kind="stable")
     rows, times = rows[order], times[order]
     instants, first, counts = np.unique(times, return_index=True, return_counts=True)
-    whole = len(instants) > 2 and not (instants % 1.0).any()
-    if spread and whole and np.median(counts) >= 2.0:
-        places = np.arange(len(times)) - np.repeat(first, counts)
-        table.notes.append("several rows in each second are spread over it")
-        return rows, times + places / np.repeat(np.maximum(counts, np.median(counts)), counts)
+    usual = np.median(counts) if len(counts) > 2 else 1.0
+    for unit, word in ((60.0, "minute"), (10.0, "ten seconds"), (1.0, "second")):
+        if rounded and usual >= 2.0 and not ((instants - instants[0]) % unit).any():
+            places = np.arange(len(times)) - np.repeat(first, counts)
+            # The first rows may be the last ones of their minute.
+            places[: counts[0]] += max(int(usual) - counts[0], 0)
+            table.notes.append(f"several rows in each {word} are spread over it")
+            return rows, times + unit * places / np.repeat(np.maximum(counts, usual), counts)
     repeated = np.setdiff1d(np.arange(len(times)), first)
-    table.leave_out("repeated times", table.lines[rows[repeated]])
+    elsewhere = np.zeros(len(repeated), np.bool_)
+    if positions is not None and not marked:
+        kept = np.repeat(first, counts)[repeated]
+        elsewhere = (np.abs(positions[rows[repeated]] - positions[rows[kept]]) > 0.0).any(axis=1)
+    table.leave_out("repeated times", table.lines[rows[repeated[~elsewhere]]])
+    table.leave_out(ELSEWHERE, table.lines[rows[repeated[elsewhere]]])
     return rows[first], times[first]
 
 
@@ -172,6 +193,12 @@ def look_like_degrees(times: FloatArray, positions: FloatArray) -> bool:
 def reasons(table: "Table") -> str:
     """Return what was left out and why."""
     return ", ".join(f"{reason} ({len(lines):,})" for reason, lines in table.left_out.items())
+
+
+def causes(table: "Table") -> str:
+    """Return the reasons, and what helps if they are that several objects are taken for one."""
+    several = "; if rows are of several objects, name their column by --object"
+    return reasons(table) + several * (ELSEWHERE in table.left_out)
 
 
 def remarks(table: "Table") -> list[str]:

@@ -152,7 +152,8 @@ def read_recordings(
     count = cleaning.lost(table)
     warnings = refused
     if count > 0.1 * total:
-        warnings = [f"{table.file}: {count:,} of {total:,} rows are left out", *refused]
+        causes = cleaning.causes(table)
+        warnings = [f"{table.file}: {count:,} of {total:,} rows are left out: {causes}", *refused]
     left_out = {reason: len(lines) for reason, lines in table.left_out.items()}
     return RecordingFile(
         tuple(replace(recording, left_out=left_out) for recording in recordings),
@@ -415,8 +416,7 @@ def _recording(
         )
     already = cleaning.lost(table)
     total = len(rows)
-    moves = (np.diff(places.values[rows], axis=0) != 0.0).any(axis=1).mean() > 0.5
-    rows, seconds = cleaning.ordered_rows(table, times.seconds, rows, spread=bool(moves))
+    rows, seconds = cleaning.ordered_rows(table, times.seconds, rows, places.values, marked)
     table.leave_out("rows whose position cannot be read", table.lines[rows[places.wrong[rows]]])
     kept = ~places.wrong[rows]
     rows, seconds = rows[kept], seconds[kept]
@@ -447,7 +447,7 @@ def _recording(
         )
     rows, seconds, positions = rows[kept], seconds[kept], positions[kept]
     if cleaning.lost(table) - already > 0.5 * total:
-        causes = cleaning.reasons(table)
+        causes = cleaning.causes(table)
         raise ArgumentError(f"{table.file}: more than half of {name} is left out: {causes}")
     breaks: Any = ()
     if table.segments is not None:

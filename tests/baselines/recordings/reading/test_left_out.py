@@ -1,5 +1,7 @@
 """Rows of real sensors that are no measurements of their own are left out, sorted and counted."""
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -106,7 +108,9 @@ def test_more_than_a_tenth_is_a_warning_and_more_than_half_a_refusal(read):
     cells = FRAME.round(3).astype(str)
     cells.loc[::5, "x"] = "lost"
     file = read(cells)
-    assert file.warnings == (f"{file.summary.split(':')[0]}: 40 of 200 rows are left out",)
+    reason = "rows whose position cannot be read (40)"
+    path = file.summary.split(":")[0]
+    assert file.warnings == (f"{path}: 40 of 200 rows are left out: {reason}",)
     cells.loc[:69, "x"] = "lost"
     cells.loc[70:129, "time"] = "lost"
     with pytest.raises(ArgumentError, match="more than half of walk is left out"):
@@ -308,14 +312,42 @@ def test_dates_of_other_orders_and_midnight(read, form):
     )
 
 
-def test_times_rounded_to_seconds_are_spread(read):
-    file = read(FRAME.assign(time=np.floor(0.2 * T)))
-    np.testing.assert_allclose(
-        file.recordings[0].times,
-        0.2 * T,
-        atol=1e-9,
-    )
-    assert "spread" in file.summary
+@pytest.mark.parametrize(
+    ("unit", "word", "first"),
+    [(1, "second", 0), (10, "ten seconds", 0), (60, "minute", 0), (60, "minute", 4)],
+)
+def test_rounded_times_are_spread(read, unit, word, first):
+    """Also if the first rows are the last ones of their minute."""
+    times = unit * T[first:] / 6.0
+    frame = FRAME[first:].assign(time=np.floor(times / unit) * unit)
+    file = read(frame)
+    np.testing.assert_allclose(file.recordings[0].times, times, atol=1e-9)
+    assert f"several rows in each {word} are spread over it" in file.summary
+
+
+def test_times_that_two_receivers_repeat_are_not_rounded(read):
+    """Every ten seconds, a place that both have measured."""
+    other = FRAME.assign(x=FRAME.x + 0.05)
+    frame = pd.concat([FRAME, other]).sort_values("time", kind="stable")
+    file = read(frame.assign(time=10.0 * frame.time))
+    np.testing.assert_array_equal(file.recordings[0].times, 10.0 * T)
+    np.testing.assert_array_equal(file.recordings[0].positions, TRACK)
+
+
+@pytest.mark.parametrize("objects", [2, 3])
+def test_objects_of_an_unknown_column_are_warned_of_or_refused(read, objects):
+    others = [FRAME.assign(y=FRAME.y + 5.0 * k, player=k) for k in range(objects)]
+    frame = pd.concat(others).assign(time=lambda rows: 0.04 * rows.time)
+    frame = frame.sort_values(["time", "player"])
+    hint = "repeated times at other places .*name their column by --object"
+    if objects == 2:
+        [warning] = read(frame).warnings
+        assert re.search(hint, warning)
+    else:
+        with pytest.raises(ArgumentError, match=f"more than half.*{hint}"):
+            read(frame)
+    assert len(read(frame, object_column="player").recordings) == objects
+    assert len(read(frame, object_column="none").recordings) == 1
 
 
 def test_thousands_by_option(read):
