@@ -64,7 +64,11 @@ KINDS = {
         [b"time\tlat\tlon\n", *(b"2024-05-01 10:00:%02d\t55.1\t3.%d\n" % (k, k) for k in range(9))]
     ),
     "parquet": PARQUET,
+    # Texts, an index and what pandas says about them.
+    "parquet of texts": FRAME.map(repr).set_index("t").to_parquet(compression=None),
     "gzip": ZIPPED,
+    "igc": b"AXXX\nI013636LAD\n"
+    + b"".join(b"B1200%02d4730%03dN00915%03dEA00100001005\n" % (k, 9 * k, k) for k in range(30)),
     "gpx": b'<gpx version="1.1"><trk><trkseg>'
     + b"".join(
         b'<trkpt lat="55.%d" lon="3"><time>2024-05-01T10:00:%02dZ</time></trkpt>' % (k, k)
