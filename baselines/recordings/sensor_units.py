@@ -64,10 +64,14 @@ class SensorUnits:
 
     def _of_sensor(self, k: int, values: Any) -> Any:
         """Return what a sensor of the options measured in their units."""
+        if k not in range(len(self.sensors)):
+            # It is refused with all others.
+            return values
+        sensor = self.sensors[int(k)]
         length, velocity = self.scales[:2].tolist()
-        if k in range(len(self.sensors)) and isinstance(self.sensors[k], Radar):
-            return np.multiply(values, [length, 1.0, velocity][: np.size(values)])
-        return np.multiply(values, length)
+        units = [length, 1.0, velocity] if isinstance(sensor, Radar) else [length] * 2
+        given = check_array(f"measurement[{k}]", values, (sensor.values,))
+        return given * units[: sensor.values]
 
     def position(self, position: Sequence[float]) -> Fused:
         """Return a measured position (x, y) in the units of the options."""
