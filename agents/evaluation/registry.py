@@ -162,14 +162,17 @@ def check_name(name: Any, switches: str, further: Sequence[str] = ()) -> None:
     if not isinstance(base, str):
         return
     known = (*rules(switches), *shipped_names(switches), *entry_point_names(), *further)
-    if base in known or Path(base).is_dir() or names_code(base):
+    if base in known or Path(base).is_dir():
         return
     if Path(base).suffix in POLICY_FILES:
         if not Path(base).is_file():
             raise reject("decider", name, "a file that exists")
         return
     before, _, text = base.rpartition(":")
-    if before in known or Path(before).suffix in POLICY_FILES or (before and Path(before).is_dir()):
+    of_policy = Path(before).suffix in POLICY_FILES
+    if not of_policy and names_code(base):
+        return
+    if before in known or of_policy or (before and Path(before).is_dir()):
         endings = "'auto', or a rate such as '2%'"
         raise reject("decider", name, f"after the colon a number, {endings}, not {text!r}")
     for task in {ANNOUNCED, UNKNOWN} - {switches}:

@@ -68,6 +68,8 @@ class Workers:
 
 def _processes(calls: Mapping[Name, Call], jobs: int) -> Iterator[tuple[Name, Any]]:
     """Results with their names as they come, from processes of this machine."""
+    # They would look for modules in the present folder first.
+    os.environ["PYTHONSAFEPATH"] = "1"
     left = dict(calls)
     for _ in range(LARGEST_RETRIES + 1):
         with joblib.parallel_config(backend="loky", n_jobs=jobs, inner_max_num_threads=1):

@@ -106,13 +106,14 @@ class CheckedDecider:
 
 def names_code(name: str) -> bool:
     """Return whether a name has the form "mine.py:MyRule", or "package.module:Rule" of a package
-    that exists.
+    that exists, or is that of a file, for which `find_external` lists what it has.
     """
-    where, _, attribute = name.rpartition(":")
-    _search(Path.cwd())
+    where, attribute = _split(name)
     parts = where.split(".")
-    importable = all(map(str.isidentifier, parts)) and importlib.util.find_spec(parts[0])
-    return attribute.isidentifier() and (parts[-1] == "py" or bool(importable))
+    if parts[-1] == "py" or not all(map(str.isidentifier, [*parts, attribute])):
+        return parts[-1] == "py"
+    with _importing_from_here():
+        return importlib.util.find_spec(parts[0]) is not None
 
 
 def find_external(name: str) -> Any:
@@ -125,9 +126,18 @@ def find_external(name: str) -> Any:
                 return point.load()
     if not names_code(name):
         return None
-    where, _, attribute = name.rpartition(":")
+    where, attribute = _split(name)
     with _one_line(where):
-        return getattr(_module(where), attribute)
+        module = _module(where)
+        if hasattr(module, attribute):
+            return getattr(module, attribute)
+        names = [
+            key
+            for key, value in vars(module).items()
+            if callable(value) and getattr(value, "__module__", "") == module.__name__
+        ]
+        allowed = f"{where}:NAME with one of its functions or classes: {', '.join(names) or 'none'}"
+        raise reject("decider", name, allowed)
 
 
 def entry_point_names() -> list[str]:
@@ -241,9 +251,9 @@ def _one_line(name: str) -> Iterator[None]:
     """
     try:
         yield
-    except (ArgumentError, InvalidAction):
+    except (ArgumentError, InvalidAction, KeyboardInterrupt):
         raise
-    except (Exception, SystemExit) as error:
+    except BaseException as error:
         hidden = (__file__, importlib.__file__, contextlib.__file__, "<frozen")
         frames = [
             frame
@@ -268,16 +278,33 @@ def _accepts_state(function: Any) -> bool:
     return any(each.name == "state" or each.kind is each.VAR_KEYWORD for each in parameters)
 
 
-def _search(folder: Path) -> None:
-    """Let modules of a folder be imported, as `python` does with the present one."""
-    if str(folder) not in sys.path:
-        sys.path.append(str(folder))
+def _split(name: str) -> tuple[str, str]:
+    """Return the module or file of a name, and the attribute; "" if only a file is named."""
+    where, _, attribute = name.rpartition(":")
+    return (name, "") if name.endswith(".py") else (where, attribute)
+
+
+@contextlib.contextmanager
+def _importing_from_here() -> Iterator[None]:
+    """Let modules of the present folder be imported, for a module that the user names alone: what
+    another library looks for later must not be found there.
+    """
+    here = str(Path.cwd())
+    if here in sys.path:
+        yield
+        return
+    sys.path.append(here)
+    try:
+        yield
+    finally:
+        sys.path.remove(here)
 
 
 def _module(where: str) -> ModuleType:
     """Return a module, or that of a Python file in its present version."""
     if not where.endswith(".py"):
-        return importlib.import_module(where)
+        with _importing_from_here():
+            return importlib.import_module(where)
     path = Path(where).resolve()
     if not path.is_file():
         raise reject("decider", where, "a file that exists")
@@ -310,6 +337,4 @@ def _import_file(path: Path, sources: tuple[bytes, ...]) -> ModuleType:
             file = getattr(sys.modules[helper], "__file__", None) or ""
             if Path(file).is_relative_to(path.parent):
                 del sys.modules[helper]
-    # For imports in functions.
-    _search(path.parent)
     return module

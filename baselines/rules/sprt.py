@@ -11,9 +11,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from baselines.rules.decider import Actions, Decider, Observations, Variants
+from baselines.rules.measurements import run_compiled
 from baselines.rules.msprt import CLIPPED_RATIO, PUBLISHED, ROBUST
 from hybrid_env.checks import BoolArray, FloatArray, IntArray, Probability, checked, reject
-from hybrid_env.compiled import compiled
+from hybrid_env.compiled import compiled, internal
 from hybrid_env.observation import Layout
 from hybrid_env.rendering.evidence import EvidencePanel, sprt_panel
 
@@ -34,7 +35,7 @@ def sprt_thresholds(alpha: float, beta: float | None = None) -> tuple[float, flo
     return math.log((1.0 - beta) / alpha), math.log(beta / (1.0 - alpha))
 
 
-@compiled
+@internal
 def sprt_test(
     log_likelihood: FloatArray,
     running: BoolArray,
@@ -178,7 +179,7 @@ class SPRTDecider(Decider):
         reference = read("previous").argmax(-1)
         actions = np.empty(len(observation), np.int64)
         upper, lower = sprt_thresholds(self.threshold, self.beta)
-        _test_tracks(log_likelihood, reference, running, upper, lower, actions)
+        run_compiled(_test_tracks, log_likelihood, reference, running, upper, lower, actions)
         return actions, (log_likelihood, running)
 
     def panel(self) -> EvidencePanel:

@@ -10,6 +10,7 @@ import functools
 import gc
 import hashlib
 import os
+import stat
 import sys
 import tempfile
 from collections.abc import Callable
@@ -65,7 +66,7 @@ def compiled(function: Callable[..., Any]) -> Any:
     if config.DISABLE_JIT:
         return function
     given = config.CACHE_DIR
-    folder = cache_folder(function.__module__.partition(".")[0], given)
+    folder = cache_folder(function.__module__.partition(".")[0])
     try:
         config.CACHE_DIR = folder
         return njit(**OPTIONS, cache=bool(folder))(function)
@@ -74,11 +75,12 @@ def compiled(function: Callable[..., Any]) -> Any:
 
 
 @functools.cache
-def cache_folder(package: str, given: str) -> str:
+def cache_folder(package: str) -> str:
     """Return the folder for the machine code of a package, "" where none can be written: in
-    `given` (NUMBA_CACHE_DIR) or else in the user's cache folder, or in the temporary folder. Its
-    name is a hash of the sources of the core, and of the package if it is another one, of numba's
-    version and of what is checked. It belongs to the user, because machine code is loaded from it.
+    NUMBA_CACHE_DIR or else in the user's cache folder, or in the temporary folder. Its name is a
+    hash of the sources of the core, and of the package if it is another one, of numba's version and
+    of what is checked. Nobody but the user may write to it, because machine code is loaded from it,
+    and the present folder does not name it: numba's own setting may come from a file there.
     """
     code = hashlib.sha256(f"{numba.__version__} {config.BOUNDSCHECK}".encode())
     folders = [Path(__file__).parent]
@@ -88,23 +90,37 @@ def cache_folder(package: str, given: str) -> str:
     for path in sorted(path for folder in folders for path in folder.rglob("*.py")):
         code.update(path.read_bytes())
     name = f"hybridtrack-{code.hexdigest()[:16]}"
-    user = os.getuid() if hasattr(os, "getuid") else 0
-    cache = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
-    for parent in (given or cache, tempfile.gettempdir()):
+    # Without users there are no modes.
+    user, writers = (os.getuid(), 0o022) if hasattr(os, "getuid") else (0, 0)
+    named = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME")
+    for parent in (named or "~/.cache", tempfile.gettempdir()):
         # Also without a home.
         with suppress(OSError, RuntimeError):
             folder = Path(parent, f"{name}-{user}").expanduser()
-            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-            tempfile.TemporaryFile(dir=folder).close()
-            if folder.lstat().st_uid == user:
-                return str(folder)
+            if folder.is_absolute():
+                folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+                status = folder.lstat()
+                own = stat.S_ISDIR(status.st_mode) and status.st_uid == user
+                if own and not status.st_mode & writers:
+                    tempfile.TemporaryFile(dir=folder).close()
+                    return str(folder)
+            _say_refused(parent)
     return ""
+
+
+@functools.cache
+def _say_refused(parent: str) -> None:
+    print(
+        f"HybridTrack: no compiled code is kept in {parent}:"
+        " expected the full path of a folder that nobody else may write",
+        file=sys.stderr,
+    )
 
 
 def prepare(dispatcher: Any, *arguments: Any) -> None:
     """Compile a `compiled` function for the types of these arguments before it is called, or load
-    it. One line on stderr announces what takes seconds. Raises `RuntimeError` with
-    NUMBA_DISABLE_JIT.
+    it. One line on stderr announces what takes seconds. Files that cannot be loaded are replaced.
+    Raises `RuntimeError` with NUMBA_DISABLE_JIT.
     """
     if config.DISABLE_JIT:
         raise RuntimeError(
@@ -114,14 +130,24 @@ def prepare(dispatcher: Any, *arguments: Any) -> None:
     if types in dispatcher.signatures:
         return
     folder, name = dispatcher.stats.cache_path, dispatcher.__name__
-    if not folder or not any(Path(folder).glob(f"*.{name}-*.nbi")):
+    files = list(Path(folder).glob(f"*.{name}-*.nb?")) if folder else []
+    if not files:
         kept = f"kept in {folder}" if folder else "not kept: set NUMBA_CACHE_DIR"
         print(f"HybridTrack: compiling {name}, up to 30 s, {kept}", file=sys.stderr)
     collects = gc.isenabled()
     # It would take a fifth of the time of a compilation.
     gc.disable()
     try:
-        dispatcher.compile(types)
+        try:
+            dispatcher.compile(types)
+        except Exception as error:
+            if not files:
+                raise
+            for file in files:
+                file.unlink(missing_ok=True)
+            reason = f"{name} in {folder} is damaged ({type(error).__name__})"
+            print(f"HybridTrack: {reason}: compiling it again, up to 30 s", file=sys.stderr)
+            dispatcher.compile(types)
     finally:
         if collects:
             gc.enable()

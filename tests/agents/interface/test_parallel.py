@@ -4,6 +4,8 @@ import functools
 import os
 import signal
 
+from joblib.externals.loky import get_reusable_executor
+
 from agents.interface.parallel import Workers
 from agents.interface.world_arguments import trusted, trusting
 
@@ -26,6 +28,19 @@ def test_results_come_in_the_order_of_the_calls():
     assert [name for name, _ in results] == list(calls)
     assert [result for _, (result, _) in results] == [0, 1, 4, 9, 16, 25]
     assert os.getpid() not in {process for _, (_, process) in results}
+
+
+def test_workers_do_not_import_modules_of_the_present_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    # It may be relative.
+    monkeypatch.delenv("PYTHONPATH", raising=False)
+    (tmp_path / "lz4.py").write_text(f"open({str(tmp_path / 'ran')!r}, 'x')")
+    # Those of other tests were started elsewhere.
+    get_reusable_executor().shutdown()
+
+    calls = {number: functools.partial(square, number) for number in range(2)}
+    assert [result for _, (result, _) in Workers(jobs=2).results(calls)] == [0, 1]
+    assert not (tmp_path / "ran").exists()
 
 
 def test_the_call_of_a_lost_worker_is_repeated(tmp_path):

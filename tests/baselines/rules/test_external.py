@@ -1,5 +1,6 @@
 """Deciders of a user: found by file, module and entry point, and swept."""
 
+import contextlib
 import functools
 import sys
 from importlib.metadata import EntryPoint
@@ -106,6 +107,20 @@ def test_a_module_and_an_entry_point_are_found(source, monkeypatch):
         find_decider("patiens", OPTIONS)
 
 
+@pytest.mark.parametrize(
+    "name", ["mine:once", "mine.py:once", "policy.onnx", "model.zip", "model.zip:once", "xyz"]
+)
+def test_modules_of_the_present_folder_are_found_by_their_name_alone(source, name):
+    """What a library looks for later would be code of a folder that is only visited."""
+    (source.parent / "model.py").write_text("raise SystemExit(3)")
+    (source.parent / "model.zip").write_bytes(b"")
+    with contextlib.suppress(ArgumentError):
+        find_decider(name, OPTIONS)
+
+    assert str(source.parent) not in sys.path
+    assert "model" not in sys.modules
+
+
 def test_files_have_the_helpers_beside_them_in_their_present_version(tmp_path):
     """Helpers of the same name in two folders stay apart, and an edited one is imported anew."""
     for action in (1, 2, 3):
@@ -116,17 +131,43 @@ def test_files_have_the_helpers_beside_them_in_their_present_version(tmp_path):
         assert find_external(f"{folder / 'mine.py'}:rule")([0]) == [action]
 
 
+LISTED = "NAME with one of its functions or classes: likeliest, Patient, Once, once, states"
+
+
 @pytest.mark.parametrize(
     ("name", "message"),
     [
         ("mine.py:states", "one for announced switches; this one is for unknown"),
         ("leaves.py:x", r"leaves.py failed in leaves.py line 1: SystemExit: 3"),
+        ("ends.py:x", "ends.py failed in ends.py line 1: GeneratorExit: 3"),
+        ("mine.py", f"mine.py:{LISTED}"),
+        ("mine.py:0.1", f"mine.py:{LISTED}"),
+        ("mine.py:nosuch", f"mine.py:{LISTED}"),
+        ("mine:nosuch", f"mine:{LISTED}"),
+        ("nosuch.py", "nosuch.py' is not allowed: expected a file that exists"),
     ],
 )
 def test_what_cannot_be_used_is_refused(source, name, message):
     (source.parent / "leaves.py").write_text("raise SystemExit(3)")
+    (source.parent / "ends.py").write_text("raise GeneratorExit(3)")
     with pytest.raises(ArgumentError, match=message):
         load_decider(name, OPTIONS)
+
+
+@pytest.mark.parametrize(
+    ("kind", "message"),
+    [
+        (GeneratorExit, "decider Ends failed in test_external.py line [0-9]+: GeneratorExit"),
+        (BaseException, "decider Ends failed in test_external.py line [0-9]+: BaseException"),
+    ],
+)
+def test_a_rule_cannot_end_the_program(kind, message):
+    class Ends:
+        def predict(self, rows, **unused):
+            raise kind
+
+    with pytest.raises(ArgumentError, match=message):
+        evaluate(Ends(), episodes=1)
 
 
 def test_wrong_answers_are_refused():

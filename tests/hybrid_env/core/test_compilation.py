@@ -29,10 +29,12 @@ def run(tmp_path, monkeypatch, capsys):
     """Return a function that runs the program as a new process would, and returns what it says."""
     path = tmp_path / "program.py"
     path.write_text(PROGRAM)
-    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.setattr(compilation.tempfile, "tempdir", str(tmp_path / "temporary"))
 
     def run(index=1):
         compilation.cache_folder.cache_clear()
+        compilation._say_refused.cache_clear()
         element = runpy.run_path(str(path), run_name="program")["element"]
         assert element(np.ones(3), index) == 2.0
         return capsys.readouterr().err
@@ -58,16 +60,65 @@ def test_other_sources_and_checked_indices_have_other_folders(tmp_path, run, mon
 
 
 def test_without_a_writable_cache_the_temporary_folder_keeps_the_code(tmp_path, run, monkeypatch):
-    monkeypatch.setattr(numba.config, "CACHE_DIR", "/dev/null/cache")
-    monkeypatch.setattr(compilation.tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setenv("NUMBA_CACHE_DIR", "/dev/null/cache")
 
-    assert f"kept in {tmp_path}" in run()
+    assert f"kept in {tmp_path / 'temporary'}" in run()
+    assert run() == ""
+
+
+@pytest.mark.parametrize("name", ["NUMBA_CACHE_DIR", "XDG_CACHE_HOME"])
+def test_the_present_folder_holds_no_code_that_is_loaded(name, tmp_path, run, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("NUMBA_CACHE_DIR")
+    monkeypatch.setenv(name, "here")
+
+    assert "no compiled code is kept in here: expected the full path" in run()
+    assert not (tmp_path / "here").exists()
+
+
+def test_the_setting_of_numba_which_a_file_of_the_present_folder_changes_names_no_folder(
+    tmp_path, run, monkeypatch
+):
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "here"))
+
+    assert f"kept in {tmp_path / 'cache'}" in run()
+    assert not (tmp_path / "here").exists()
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="folders have no modes")
+@pytest.mark.parametrize("kind", [0o770, 0o707, "link"])
+def test_code_is_not_loaded_from_a_folder_that_others_may_write(kind, tmp_path, run):
+    run()
+    (folder,) = (tmp_path / "cache").iterdir()
+    if kind == "link":
+        folder.rename(tmp_path / "other")
+        folder.symlink_to(tmp_path / "other")
+    else:
+        folder.chmod(kind)
+
+    printed = run()
+    assert f"no compiled code is kept in {tmp_path / 'cache'}: expected the full path" in printed
+    assert f"kept in {tmp_path / 'temporary'}" in printed
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"garbage", slice(0, 90)], ids=["empty", "garbage", "cut"]
+)
+@pytest.mark.parametrize("ending", ["nbi", "nbc"])
+def test_damaged_code_is_compiled_again_and_said_in_one_line(ending, content, tmp_path, run):
+    run()
+    (path,) = (tmp_path / "cache").rglob(f"*.{ending}")
+    path.write_bytes(path.read_bytes()[content] if isinstance(content, slice) else content)
+
+    (line,) = run().splitlines()
+    assert line.startswith(f"HybridTrack: element in {path.parent} is damaged (")
     assert run() == ""
 
 
 @pytest.mark.skipif(not hasattr(os, "getuid"), reason="folders have no owner")
 def test_code_is_not_loaded_from_the_folder_of_another_user(tmp_path, run, monkeypatch):
     run()
-    monkeypatch.setattr(Path, "lstat", lambda path: os.stat_result([0] * 4 + [12345] + [0] * 5))
+    status = os.stat_result([0o40700, 0, 0, 0, 12345, *[0] * 5])
+    monkeypatch.setattr(Path, "lstat", lambda path: status)
 
     assert "not kept: set NUMBA_CACHE_DIR" in run()
