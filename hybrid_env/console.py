@@ -33,6 +33,10 @@ def main() -> int:
     except MissingExtraError as error:
         print(f"hybridtrack: {error}", file=sys.stderr)
         return 2
+    except KeyboardInterrupt:
+        # While the commands load.
+        print("hybridtrack: interrupted", file=sys.stderr)
+        return 130
 
 
 def _foreign() -> str | None:

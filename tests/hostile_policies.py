@@ -186,6 +186,24 @@ def doubled(times):
     return [*joined, node("MatMul", f"{names[-1]} w", "all"), node("Slice", "all zero count", "y")]
 
 
+def expanded(name, sizes, **attributes):
+    """An operator on zeros of large sizes, whose largest number is added to the logits."""
+    inner = node(name, "i i" if name in ("Conv", "MatMul") else "i", "p", **attributes)
+    return {
+        "nodes": [
+            node("Expand", "number sizes", "e"),
+            # Numbers for which no fast product exists.
+            node("Cast", "e", "i", to=7 if name == "MatMul" else 1),
+            inner,
+            node("Cast", "p", "f", to=1),
+            node("ReduceMax", "f", "m", keepdims=0),
+            node("MatMul", "x w", "z"),
+            node("Add", "z m", "y"),
+        ],
+        "weights": network() | {"number": np.float32(0.0), "sizes": np.array(sizes)},
+    }
+
+
 def network(number=0.0):
     weights = np.random.default_rng(0).normal(size=(WIDTH, ACTIONS)).astype(np.float32)
     weights[1, 2] += np.float32(number)
@@ -231,6 +249,10 @@ HOSTILE_ONNX = {
         ],
         "weights": network() | {"size": LARGE},
     },
+    "pool": lambda: expanded("AveragePool", [1, 1, 10**7], kernel_shape=[5 * 10**6]),
+    "largest pool": lambda: expanded("MaxPool", [1, 1, 10**7], kernel_shape=[5 * 10**6]),
+    "convolution": lambda: expanded("Conv", [1, 1, 10**6]),
+    "product": lambda: expanded("MatMul", [3000, 3000]),
     "nodes": lambda: {
         "nodes": [node("Identity", "x", f"x{k}") for k in range(10_000)]
         + [node("MatMul", "x w", "y")],

@@ -46,3 +46,13 @@ def test_the_version_is_that_of_the_distribution(monkeypatch, capsys):
 
     assert console.main() == 0
     assert capsys.readouterr().out == f"hybridtrack {console.metadata.version('hybrid-track')}\n"
+
+
+def test_an_interrupt_while_the_commands_load_is_one_line(monkeypatch, capsys):
+    def interrupt(name):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(console.importlib, "import_module", interrupt)
+
+    assert console.main() == 130
+    assert capsys.readouterr().err == "hybridtrack: interrupted\n"

@@ -71,7 +71,11 @@ class Train(WorldArguments):
             def show(now: Any) -> None:
                 display.update(bar, completed=min(now.steps, now.total), note=now.note)
 
-            run.train(show, self.save_every)
+            try:
+                run.train(show, self.save_every)
+            except KeyboardInterrupt:
+                again = f"hybridtrack train --resume {folder} continues from its last checkpoint"
+                raise KeyboardInterrupt(again) from None
             display.update(bar, completed=run.steps)
         for line in run.curve.summary(read_metrics(folder)):
             console.print(line, highlight=False, soft_wrap=True)

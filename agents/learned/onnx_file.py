@@ -27,16 +27,19 @@ OPERATORS = (
     "ArgMax ArgMin CumSum OneHot ReduceL1 ReduceL2 ReduceLogSum ReduceLogSumExp ReduceMax"
     " ReduceMean ReduceMin ReduceProd ReduceSum ReduceSumSquare TopK "
     # Layers.
-    "AveragePool BatchNormalization Conv Dropout Einsum GRU Gemm GlobalAveragePool GlobalMaxPool"
-    " GroupNormalization InstanceNormalization LSTM LayerNormalization LpNormalization MatMul"
-    " MaxPool RMSNormalization RNN "
+    "BatchNormalization Dropout Einsum GRU Gemm GlobalAveragePool GlobalMaxPool GroupNormalization"
+    " InstanceNormalization LSTM LayerNormalization LpNormalization MatMul RMSNormalization RNN "
     # Activation functions.
     "Celu Elu Gelu HardSigmoid HardSwish Hardmax LeakyRelu LogSoftmax Mish PRelu Relu Selu Sigmoid"
     " Softmax Softplus Softsign Swish Tanh ThresholdedRelu"
 )
-"""What exports of feed-forward and recurrent networks need, without loops, branches and random
-numbers.
+"""What exports of feed-forward and recurrent networks need, without loops, branches, random numbers
+and windows: the time of a convolution or a pool grows with the product of two sizes of a file.
 """
+
+# Bytes of what one of the first calls computes between its input and its output, which bounds the
+# time of each operator.
+LARGEST_INNER = 2**24
 
 
 def read_network(path: Path) -> tuple[Callable[[Any], NDArray[Any]], tuple[int, ...]]:
@@ -61,6 +64,9 @@ def read_network(path: Path) -> tuple[Callable[[Any], NDArray[Any]], tuple[int, 
     # What is computed ahead of a call when a graph is optimised has no bounds.
     limited.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_DISABLE_ALL
     limited.add_session_config_entry("session.use_env_allocators", "1")
+    # Weights are not counted, which may be many more.
+    limited.add_session_config_entry("session.use_device_allocator_for_initializers", "1")
+    limited.add_session_config_entry("session.disable_prepacking", "1")
     _limit_memory()
     providers = ["CPUExecutionProvider"]
     widths = _check_calls(onnxruntime.InferenceSession(content, limited, providers=providers))
@@ -77,7 +83,7 @@ def _limit_memory() -> None:
     import onnxruntime
 
     kinds = onnxruntime.OrtAllocatorType.ORT_ARENA_ALLOCATOR, onnxruntime.OrtMemType.DEFAULT
-    limits = onnxruntime.OrtArenaCfg({"max_mem": 3 * LARGEST_FILE, "arena_extend_strategy": 1})
+    limits = onnxruntime.OrtArenaCfg({"max_mem": LARGEST_INNER, "arena_extend_strategy": 1})
     onnxruntime.create_and_register_allocator(
         onnxruntime.OrtMemoryInfo("Cpu", kinds[0], 0, kinds[1]),
         limits,

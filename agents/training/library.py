@@ -6,8 +6,9 @@ switches.
 """
 
 import math
+import threading
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, ClassVar
@@ -52,6 +53,21 @@ def plain_values(logged: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in plain.items() if isinstance(value, (int, float, str))}
 
 
+def _without_tensorboard(hook: Callable[[Any], Any]) -> Callable[[Any], None]:
+    """Return a hook of errors in threads that leaves out those of TensorBoard's thread: the next
+    call of its writer raises them again.
+    """
+
+    def show(error: Any) -> None:
+        if not type(error.thread).__module__.startswith("tensorboard."):
+            hook(error)
+
+    return show
+
+
+threading.excepthook = _without_tensorboard(threading.excepthook)
+
+
 class RunWriter(TensorBoardOutputFormat):
     """Logger output that appends to the metrics file of the run folder, and writes TensorBoard
     events; those that a killed run wrote after its last checkpoint are hidden.
@@ -59,7 +75,8 @@ class RunWriter(TensorBoardOutputFormat):
 
     def __init__(self, folder: Path, steps: int):
         self.folder = folder
-        self.writer = SummaryWriter(str(folder), purge_step=steps + 1)
+        with run_folder.writing(folder):
+            self.writer = SummaryWriter(str(folder), purge_step=steps + 1)
         self._is_closed = False
 
     def write(
@@ -73,7 +90,8 @@ class RunWriter(TensorBoardOutputFormat):
         # Counted from the last start.
         values.pop("time/iterations", None)
         run_folder.append_metrics(self.folder, step, values)
-        super().write(key_values, key_excluded, step)
+        with run_folder.writing(self.folder):
+            super().write(key_values, key_excluded, step)
 
     def close(self) -> None:
         """Close the file."""

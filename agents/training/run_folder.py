@@ -60,14 +60,19 @@ def lock(folder: Path) -> Iterator[None]:
         yield
 
 
+@contextmanager
+def writing(path: Path) -> Iterator[Path]:
+    """Context manager that names the file or folder that cannot be written, in one line."""
+    try:
+        yield path
+    except OSError as error:
+        raise reject("file", str(path), f"a path that can be written ({error.strerror})") from None
+
+
 def append_metrics(folder: Path, step: int, metrics: Mapping[str, Any]) -> None:
     """Append one line with a JSON object; a resumed run appends to the same file."""
-    path = folder / METRICS
-    try:
-        with path.open("a", encoding="utf-8") as file:
-            file.write(json.dumps({"step": step} | dict(metrics)) + "\n")
-    except OSError as error:
-        raise reject("file", str(path), f"a file that can be written ({error.strerror})") from None
+    with writing(folder / METRICS) as path, path.open("a", encoding="utf-8") as file:
+        file.write(json.dumps({"step": step} | dict(metrics)) + "\n")
 
 
 def read_metrics(folder: Path) -> list[dict[str, Any]]:

@@ -10,6 +10,7 @@ from hostile_input import accepted, attack, counts, damaged
 from hostile_policies import (
     OPTIONS,
     actor_weights,
+    expanded,
     network,
     node,
     stored,
@@ -74,6 +75,28 @@ def use_bytes(content, ending):
         decide(path)
 
 
+@st.composite
+def large_operators(draw):
+    """Keywords of `write_onnx` for an operator on numbers of large sizes."""
+    size = st.sampled_from([1, 2, 30, 1000, 10**5, 10**7])
+    name = draw(st.sampled_from(["AveragePool", "CumSum", "MatMul", "Softmax", "Tile", "TopK"]))
+    sizes = [draw(size) for _ in range(draw(st.integers(1, 4)))]
+    if name == "AveragePool":
+        return expanded(name, [1, 1, *sizes], kernel_shape=[draw(size) for _ in sizes])
+    given = expanded(name, sizes)
+    if name in ("CumSum", "Tile", "TopK"):
+        outputs = "p places" if name == "TopK" else "p"
+        given["nodes"][2] = node(name, "i second", outputs)
+        repeated = np.array([draw(size) for _ in sizes])
+        given["weights"]["second"] = repeated if name == "Tile" else repeated[:1]
+    return given
+
+
+def use_onnx(given):
+    with tempfile.TemporaryDirectory() as folder:
+        decide(write_onnx(Path(folder) / "policy.onnx", **given))
+
+
 def any_onnx():
     """Content of a sound ONNX file."""
     with tempfile.TemporaryDirectory() as folder:
@@ -99,6 +122,7 @@ def any_zip():
 
 KINDS = {
     "weights": (use_zip, changed_weights),
+    "large onnx": (use_onnx, large_operators),
     "damaged zip": (
         lambda content: use_bytes(content, ".zip"),
         lambda: damaged(any_zip()),
@@ -113,7 +137,7 @@ KINDS = {
 @pytest.mark.parametrize("examples", counts(20, 20_000))
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_random_policy_is_refused_in_one_line_or_decides(kind, examples, tmp_path):
-    if kind == "damaged onnx":
+    if kind.endswith("onnx"):
         pytest.importorskip("onnxruntime")
         pytest.importorskip("onnx")
     use, values = KINDS[kind]
