@@ -101,7 +101,7 @@ def ordered_rows(
             table.notes.append(f"several rows in each {word} are spread over it")
             return rows, times + unit * places / np.repeat(np.maximum(counts, usual), counts)
     repeated = np.setdiff1d(np.arange(len(times)), first)
-    elsewhere = np.zeros(len(repeated), np.bool_)
+    elsewhere: BoolArray = np.zeros(len(repeated), np.bool_)
     if positions is not None and not marked:
         kept = np.repeat(first, counts)[repeated]
         elsewhere = (np.abs(positions[rows[repeated]] - positions[rows[kept]]) > 0.0).any(axis=1)
@@ -134,6 +134,7 @@ def fill_values(positions: FloatArray) -> BoolArray:
     return fills
 
 
+@np.errstate(over="ignore")
 def fresh_rows(times: FloatArray, positions: FloatArray) -> IntArray:
     """Return which rows (k,) have a position of their own. A stale source repeats the last position
     until it has a new one, which is then as far away as a moving object gets in all this time; an
@@ -177,6 +178,7 @@ def rows_alternate(positions: FloatArray) -> bool:
     return bool(np.median(nearest) > 0.0 and (before[0] > 10.0 * nearest).mean() >= 0.25)
 
 
+@np.errstate(over="ignore")
 def look_like_degrees(times: FloatArray, positions: FloatArray) -> bool:
     """Whether x and y may be degrees: in their range, slow, and far from 0 for their extent."""
     largest = np.abs(positions).max(axis=0)
