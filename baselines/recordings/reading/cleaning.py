@@ -101,10 +101,11 @@ def ordered_rows(
             table.notes.append(f"several rows in each {word} are spread over it")
             return rows, times + unit * places / np.repeat(np.maximum(counts, usual), counts)
     repeated = np.setdiff1d(np.arange(len(times)), first)
-    elsewhere: BoolArray = np.zeros(len(repeated), np.bool_)
+    elsewhere = np.zeros(len(repeated), np.bool_)
     if positions is not None and not marked:
         kept = np.repeat(first, counts)[repeated]
-        elsewhere = (np.abs(positions[rows[repeated]] - positions[rows[kept]]) > 0.0).any(axis=1)
+        apart = np.abs(positions[rows[repeated]] - positions[rows[kept]])
+        elsewhere = apart.max(axis=1) > 0.0
     table.leave_out("repeated times", table.lines[rows[repeated[~elsewhere]]])
     table.leave_out(ELSEWHERE, table.lines[rows[repeated[elsewhere]]])
     return rows[first], times[first]
