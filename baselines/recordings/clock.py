@@ -15,7 +15,7 @@ def number_of(time: Any) -> float:
     with suppress(OverflowError, ValueError, OSError):
         if isinstance(time, datetime):
             return time.timestamp()
-        if isinstance(time, Real) and not isinstance(time, (bool, np.bool_, np.timedelta64)):
+        if not isinstance(time, (bool, np.bool_, np.timedelta64)) and isinstance(time, Real):
             return float(time)
     raise reject("time", time, "a number, NaN if it is not known, or a datetime")
 

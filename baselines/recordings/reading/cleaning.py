@@ -104,7 +104,8 @@ def ordered_rows(
     elsewhere = np.zeros(len(repeated), np.bool_)
     if positions is not None and not marked:
         kept = np.repeat(first, counts)[repeated]
-        elsewhere = (np.abs(positions[rows[repeated]] - positions[rows[kept]]) > 0.0).any(axis=1)
+        apart = np.abs(positions[rows[repeated]] - positions[rows[kept]])
+        elsewhere = apart.max(axis=1) > 0.0
     table.leave_out("repeated times", table.lines[rows[repeated[~elsewhere]]])
     table.leave_out(ELSEWHERE, table.lines[rows[repeated[elsewhere]]])
     return rows[first], times[first]
@@ -134,6 +135,7 @@ def fill_values(positions: FloatArray) -> BoolArray:
     return fills
 
 
+@np.errstate(over="ignore")
 def fresh_rows(times: FloatArray, positions: FloatArray) -> IntArray:
     """Return which rows (k,) have a position of their own. A stale source repeats the last position
     until it has a new one, which is then as far away as a moving object gets in all this time; an
@@ -177,6 +179,7 @@ def rows_alternate(positions: FloatArray) -> bool:
     return bool(np.median(nearest) > 0.0 and (before[0] > 10.0 * nearest).mean() >= 0.25)
 
 
+@np.errstate(over="ignore")
 def look_like_degrees(times: FloatArray, positions: FloatArray) -> bool:
     """Whether x and y may be degrees: in their range, slow, and far from 0 for their extent."""
     largest = np.abs(positions).max(axis=0)

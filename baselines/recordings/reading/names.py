@@ -117,6 +117,8 @@ def split_unit(name: str) -> tuple[str, str | None]:
     or after a slash, as in `x [m]`, `x (km)` and `t/s`, or a known one after an underscore, as in
     `t_ms`. Of a name such as `OSD.latitude` or `pose.position.x` the last words count.
     """
+    # In longer texts, and in many spaces, a search for brackets would take long.
+    name = " ".join(name[:200].split())
     words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name)
     parts = re.split(r"[.:]", words)
     # A letter means nothing without the word before it.

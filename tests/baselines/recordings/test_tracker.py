@@ -281,7 +281,7 @@ def test_a_statement_is_decided_from_the_first_crossing_of_the_threshold_on(thre
         [1.0],
         1j,
     ],
-    ids=str,
+    ids=range(11),
 )
 def test_a_time_of_another_form_is_refused_in_one_line(time):
     tracker = OnlineTracker(QuickestOptions(), ThresholdDecider())
