@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
-.PHONY: compare test lint types studies study coverage bench pythons docs dist clean
+.PHONY: compare test lint types studies study coverage bench pythons docs pages dist clean
 
 compare: $(INSTALLED)
 	$(BIN)/hybridtrack compare $(ARGS)
@@ -51,6 +51,10 @@ pythons:
 docs: $(INSTALLED)-docs
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
 	@echo docs/_build/html/index.html
+
+# the pages of the site with their links, without running examples and the notebook; no page is written
+pages: $(INSTALLED)-docs
+	$(BIN)/python -m sphinx -W --keep-going -q -b dummy -D plot_gallery=0 -D nb_execution_mode=off docs docs/_build/pages
 
 # wheel and source distribution, checked as the package index checks them
 dist:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE.parent), str(HERE / "_ext")]
+os.environ["PYTHONPATH"] = str(HERE.parent)  # an example starts a study as a process
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # pictures only, no window
 os.environ["OMP_NUM_THREADS"] = "1"  # the networks are small
 os.environ["COLUMNS"] = "100"  # width of the help texts

@@ -31,12 +31,23 @@ def main() -> int:
                 return 2
             return command()
     except MissingExtraError as error:
+        if {"-h", "--help"} & {*sys.argv[1:]}:
+            print(_help(error))
+            return 0
         print(f"hybridtrack: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         # While the commands load.
         print("hybridtrack: interrupted", file=sys.stderr)
         return 130
+
+
+def _help(error: MissingExtraError) -> str:
+    """Return the help without the flags, which the extra describes."""
+    from agents.commands import COMMANDS, EXAMPLES
+
+    examples = EXAMPLES.get(sys.argv[1], EXAMPLES[""]).replace("\n", "\n  ")
+    return f"commands: {', '.join(COMMANDS)}\nexamples:{examples}\n{error}"
 
 
 def _foreign() -> str | None:

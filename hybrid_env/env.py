@@ -19,7 +19,7 @@ from hybrid_env.checks import (
 )
 from hybrid_env.core.kernel import DECIDED
 from hybrid_env.options import WorldOptions
-from hybrid_env.rendering import RENDER_FPS
+from hybrid_env.rendering import RENDER_FPS, RENDER_MODES
 from hybrid_env.rendering.frame import draw_frame
 from hybrid_env.rendering.history import History
 from hybrid_env.world import World, state_of
@@ -29,7 +29,7 @@ class TrackEnv(OwnState, gym.Env[Float32Array, np.int64]):
     """An environment of one track; each environment has a subclass that names its options."""
 
     metadata: ClassVar[Info] = {  # type: ignore[misc]
-        "render_modes": ["rgb_array"],
+        "render_modes": RENDER_MODES,
         "render_fps": RENDER_FPS,
     }
 
@@ -42,7 +42,7 @@ class TrackEnv(OwnState, gym.Env[Float32Array, np.int64]):
         self.options = self.options_class.of_keywords(options)
         rows = 0
         if render_mode is not None:
-            check_choice("render_mode", render_mode, self.metadata["render_modes"])
+            check_choice("render_mode", render_mode, ["rgb_array"])
             self.history = History(self.options)
             announced = self.options.switches == "announced"
             rows = self.options.longest_segment + 1 if announced else 0

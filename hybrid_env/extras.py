@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import Any
 
 DISTRIBUTION = "hybrid-track"
-INSTALL = "pip install -c constraints.txt -e '.[{extra}]'"
-"""The command in the folder of the source code, as in README.md."""
+INSTALL = f"pip install '{DISTRIBUTION}[{{extra}}]'"
 
 OTHER_NAMES = {
     "PIL": "pillow",

@@ -2,6 +2,7 @@
 
 import importlib.util
 import re
+import sys
 import tomllib
 from pathlib import Path
 
@@ -56,3 +57,21 @@ def test_an_interrupt_while_the_commands_load_is_one_line(monkeypatch, capsys):
 
     assert console.main() == 130
     assert capsys.readouterr().err == "hybridtrack: interrupted\n"
+
+
+def test_the_help_without_the_extra_of_the_commands_says_how_to_install_it(monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "tyro", None)
+    monkeypatch.delitem(sys.modules, "agents.cli", raising=False)
+    advice = "tyro is missing: this needs the extra [agents]: pip install 'hybrid-track[agents]'\n"
+
+    monkeypatch.setattr("sys.argv", ["hybridtrack", "--help"])
+    assert console.main() == 0
+    told = capsys.readouterr().out
+    assert told.startswith("commands: train, evaluate,")
+    assert told.endswith(advice)
+    monkeypatch.setattr("sys.argv", ["hybridtrack", "score", "--help"])
+    assert console.main() == 0
+    assert "hybridtrack score truth.csv" in capsys.readouterr().out
+    monkeypatch.setattr("sys.argv", ["hybridtrack", "score", "truth.csv"])
+    assert console.main() == 2
+    assert capsys.readouterr().err == f"hybridtrack: {advice}"

@@ -62,6 +62,38 @@ def test_each_name_is_imported_alone_in_a_fresh_process(package, name):
     python(f"from {package} import {name}")
 
 
+def test_a_live_tracker_needs_pyproj_for_latitudes_only():
+    told = python(
+        """
+import sys
+sys.modules["pyproj"] = None
+import baselines.recordings.tracker, baselines.recordings.settings
+from baselines.recordings.projection import Projection
+try:
+    Projection(48.0, 11.0).forward(48.1, 11.1)
+except ImportError as error:
+    print(error)
+"""
+    )
+
+    assert told == (
+        "pyproj is missing: this needs the extra [recordings]:"
+        " pip install 'hybrid-track[recordings]'\n"
+    )
+
+
+def test_the_checker_of_gymnasium_needs_no_matplotlib():
+    python(
+        """
+import sys
+sys.modules["matplotlib"] = None
+import gymnasium
+from gymnasium.utils.env_checker import check_env
+check_env(gymnasium.make("hybrid_env:HybridTrack-v0").unwrapped)
+"""
+    )
+
+
 @pytest.mark.parametrize(
     ("module", "extra"),
     [

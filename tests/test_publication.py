@@ -2,6 +2,8 @@
 
 import json
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import yaml
@@ -69,3 +71,16 @@ def test_the_page_of_the_agents_has_the_card_of_every_set_of_weights():
         told = f"| `{card['recipe']['name']}` | {card['steps']:,} | [policy.json](../{path}) |"
         assert told in CARDS
         assert (ROOT / path).with_suffix(".safetensors").stat().st_size < 90_000
+
+
+def test_examples_of_the_site_start_a_study_as_a_process():
+    code = (
+        f"import runpy, subprocess, sys; runpy.run_path({str(ROOT / 'docs/conf.py')!r});"
+        "subprocess.run([sys.executable, '-m', 'studies'], check=True)"
+    )
+    # Where the gallery runs the examples.
+    folder = ROOT / "docs/examples"
+    ran = subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True)
+
+    assert ran.returncode == 0, ran.stderr
+    assert "datasets" in ran.stdout

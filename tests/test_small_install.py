@@ -95,7 +95,7 @@ def test_the_base_install_has_few_packages_and_says_which_extra_is_missing(pytho
     assert refused.returncode == 2
     assert refused.stderr.splitlines() == [
         "hybridtrack: tyro is missing: this needs the extra [agents]:"
-        " pip install -c constraints.txt -e '.[agents]'"
+        " pip install 'hybrid-track[agents]'"
     ]
 
 

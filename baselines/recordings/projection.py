@@ -2,14 +2,14 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Interval, Unit
 from numpy.typing import ArrayLike
-from pyproj import Proj
 
 from hybrid_env.checks import Checked, FloatArray
+from hybrid_env.extras import explained
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,10 @@ class Projection(Checked):
     longitude: Annotated[float, Interval(ge=-360.0, le=360.0), Unit("deg")]
 
     @cached_property
-    def _proj(self) -> Proj:
+    def _proj(self) -> Any:
+        with explained():
+            from pyproj import Proj
+
         return Proj(
             proj="aeqd",
             lat_0=self.latitude,

@@ -3,6 +3,10 @@ shows, with names and colours of modes, `figure` draws a frame with two panels. 
 imports matplotlib, with the first frame.
 """
 
+from importlib.util import find_spec
+
+# `check_env` of Gymnasium draws a frame in each of them.
+RENDER_MODES = ["rgb_array"] if find_spec("matplotlib") else []
 # Width, height [px].
 FRAME_SIZE = (900, 450)
 # Frames per second.

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from agents.cli import EXAMPLES, command_class, parse
+from agents.cli import command_class, parse
+from agents.commands import EXAMPLES
 
 LINES = [(name, line) for name, lines in EXAMPLES.items() for line in lines.split("\n")[1:]]
 
