@@ -44,8 +44,7 @@ class TrackEnv(OwnState, gym.Env[Float32Array, np.int64]):
         if render_mode is not None:
             check_choice("render_mode", render_mode, ["rgb_array"])
             self.history = History(self.options)
-            announced = self.options.switches == "announced"
-            rows = self.options.longest_segment + 1 if announced else 0
+            rows = self.options.longest_step
         self._bank_info = checked("bank_info", bank_info, bool)
         self.world = World(self.options, 1, rows, bank_info=self._bank_info)
         self.action_space = self.world.action_space()

@@ -23,6 +23,7 @@ from hybrid_env.core.memory import PARAMETERS
 from hybrid_env.limits import (
     Quantity,
     QuantityOrZero,
+    Ticks,
     axis_variances,
     check_initial_error,
     check_variances,
@@ -75,6 +76,10 @@ class ModelOptions(Checked):
             (`core.banks.kalman.weigh`).
         initial_error: (position variance of the first estimate / R, its velocity variance
             [m^2/s^2]) of a normal error; 0 starts at the true state.
+        decide_every: ticks between two decisions. With announced switches a wait lasts to the next
+            multiple of it within the segment, or to the end of the segment, and the first decision
+            of a segment comes at that tick; with unknown switches a statement holds for so many
+            ticks. It is at most the length of the shortest segment, or of an episode.
     """
 
     switches: ClassVar[Literal["announced", "unknown"]]
@@ -96,6 +101,7 @@ class ModelOptions(Checked):
     sensors: Annotated[tuple[Sensor | Radar, ...], parse_sensors] = ()
     likelihood: Annotated[str | GaussianNoise | StudentNoise, parse_likelihood] = "gaussian"
     initial_error: Annotated[float | tuple[float, float], check_initial_error] = (0.3, 0.02)
+    decide_every: Ticks = 1
 
     @classmethod
     def of_keywords(cls, keywords: Mapping[str, Any]) -> Self:

@@ -100,6 +100,10 @@ class WorldOptions(ModelOptions):
                 f"radii that include {shown} of the scheme, or correctness='type'",
             )
         self._check_ratios(of_scheme | set(self.radii))
+        shortest = min(self._lengths(longest=False))
+        if self.decide_every > shortest:
+            allowed = f"at most {shortest}, the length of the shortest segment"
+            raise reject("decide_every", self.decide_every, allowed)
 
     @property
     def groups(self) -> IntArray:
@@ -132,28 +136,32 @@ class WorldOptions(ModelOptions):
         assert not isinstance(self.scheme, str)
         return segment_table(self.scheme, self.all_modes)
 
-    @property
-    def _lengths(self) -> list[int]:
-        """Largest length of every segment of an episode [ticks]."""
+    def _lengths(self, longest: bool = True) -> list[int]:
+        """Return the largest or the smallest length of every segment of an episode [ticks]."""
         if isinstance(self.scheme, FixedScheme):
             return [piece.length for piece in self.scheme.pieces]
         assert isinstance(self.scheme, RandomScheme)
-        return [self.scheme.lengths[1]] * self.scheme.segments
+        return [self.scheme.lengths[longest]] * self.scheme.segments
 
     @property
     def segments(self) -> int:
         """Number of segments of an episode."""
-        return len(self._lengths)
+        return len(self._lengths())
 
     @property
     def longest_segment(self) -> int:
         """Length of the longest possible segment [ticks]."""
-        return max(self._lengths)
+        return max(self._lengths())
 
     @property
     def longest_episode(self) -> int:
-        """Largest number of steps of an episode: its ticks if every action waits."""
-        return sum(self._lengths)
+        """Largest number of steps of an episode: its decisions if every action waits."""
+        return sum(-(-length // self.decide_every) for length in self._lengths())
+
+    @property
+    def longest_step(self) -> int:
+        """Largest number of ticks of a step: to the end of a segment and to the next decision."""
+        return self.longest_segment + self.decide_every
 
     def parameters(self) -> dict[str, Any]:
         """See `ModelOptions.parameters`."""

@@ -96,6 +96,9 @@ class QuickestOptions(ModelOptions):
         if len({*self.law_places.tolist()}) < len(self.laws):
             raise reject("durations", str(self.law), f"only laws of {', '.join(names)}")
         self._check_ratios(self.radii)
+        if self.decide_every > self.ticks:
+            most = f"at most {self.ticks}, the ticks of an episode"
+            raise reject("decide_every", self.decide_every, most)
 
     @property
     def equally_likely(self) -> bool:
@@ -131,7 +134,12 @@ class QuickestOptions(ModelOptions):
     @property
     def longest_episode(self) -> int:
         """Number of steps of an episode."""
-        return self.ticks
+        return -(-self.ticks // self.decide_every)
+
+    @property
+    def longest_step(self) -> int:
+        """Largest number of ticks of a step."""
+        return self.decide_every
 
     @property
     def law(self) -> Durations:

@@ -77,8 +77,7 @@ class TrackVectorEnv(OwnState, VectorEnv[Float32Array, IntArray, AnyArray]):
         if render_mode is not None:
             check_choice("render_mode", render_mode, self.metadata["render_modes"])
             self.histories = [History(self.options) for _ in range(self.num_envs)]
-            if self.options.switches == "announced":
-                trace_rows = max(trace_rows, self.options.longest_segment + 1)
+            trace_rows = max(trace_rows, self.options.longest_step)
         self.world = World(self.options, self.num_envs, trace_rows, threads, self.bank_info)
         self.single_observation_space = self.world.observation_space()
         self.single_action_space = self.world.action_space()

@@ -33,7 +33,7 @@ from hybrid_env.observation import Layout
 class World:
     """State of N tracks under the options of an environment, stepped by some threads. The kernel
     has the addresses of the arrays: they are changed in place, not replaced. A trace has
-    `trace_rows` ticks of the last step, with announced switches; 0 stores none. With `live` the
+    `trace_rows` ticks of the last step; 0 stores none. With `live` the
     kernels are those of a live sensor, see `hybrid_env.live`, and `run` takes their commands.
     """
 
@@ -76,9 +76,8 @@ class World:
         bank_info: bool = False,
         live: bool = False,
     ):
-        for name, value in (("trace_rows", trace_rows), ("bank_info", bank_info)):
-            if value and options.switches == "unknown":
-                raise reject(name, value, "0 or False with unknown switches")
+        if bank_info and options.switches == "unknown":
+            raise reject("bank_info", bank_info, "False with unknown switches")
         self.options = options
         self.live = live
         self.layout = options.layout_class(options.hypotheses)

@@ -165,7 +165,7 @@ class Explorer(Decider):
         self.observe = self.agent.observe  # type: ignore[method-assign]
         self.generator = generator
         # The trace holds a segment that is decided at once, and the first tick of the next one.
-        self.env = HybridTrackVectorEnv(tracks, trace_rows=world.longest_segment + 1, **vars(world))
+        self.env = HybridTrackVectorEnv(tracks, trace_rows=world.longest_step, **vars(world))
         self.seen: list[Seen] = []
 
     def decide(

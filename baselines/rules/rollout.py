@@ -12,11 +12,14 @@ from baselines.rules.external import CheckedDecider, ModelDecider, as_decider
 from baselines.scoring.decisions import Decisions
 from baselines.scoring.statements import Statements
 from hybrid_env.checks import AnyArray, BoolArray, FloatArray, Info, check_integer, reject
+from hybrid_env.compiled import TRACE_COLUMNS
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.registration import make_vector_env
 from hybrid_env.vector_env import HybridTrackQuickestVectorEnv
 from hybrid_env.wrappers import NO_DECISION
+
+TRUE_MODE = TRACE_COLUMNS.index("true_mode")
 
 
 @dataclass
@@ -100,6 +103,7 @@ def statement_env(options: QuickestOptions, tracks: int) -> HybridTrackQuickestV
         tracks,
         autoreset_mode="Disabled",
         tick_info=False,
+        trace_rows=options.longest_step,
         **vars(options),
     )
 
@@ -124,7 +128,7 @@ def record_in(
     """Return the statements of a decider at some thresholds, or at its own, as
     `record_statements`.
 
-    The environment is what `make` returns; its world has the field `true_mode`.
+    The environment is what `make` returns; its world has a trace of every step.
     """
     if thresholds is not None:
         at_once = decider.sweeps and len(thresholds) > 1
@@ -132,14 +136,12 @@ def record_in(
         return [statements for each in deciders for statements in record_in(make, each, seed)]
     env = make()
     decider = as_decider(decider)
+    every = env.options.decide_every
     true_modes = np.empty((env.options.ticks, env.num_envs), int)
     stated_modes = np.empty((np.size(decider.threshold), *true_modes.shape), int)
     for now in rollout(env, decider, seed):
         if now.step:
-            stated_modes[:, now.step - 1] = now.actions
-        if now.step == len(true_modes):
-            break
-        true_modes[now.step] = env.world.field("true_mode")
+            stated_modes[:, (now.step - 1) * every : now.step * every] = now.actions
     return [Statements(true_modes, stated) for stated in stated_modes]
 
 

@@ -21,7 +21,7 @@ from hybrid_env.core.banks.mixture import NOTHING
 from hybrid_env.core.banks.posterior import merged_estimate, write_merged_covariance
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import bits_of
-from hybrid_env.core.kernel import BEGUN, DECIDED, TERMINATED
+from hybrid_env.core.kernel import BEGUN, DECIDED, HALTED, TERMINATED
 from hybrid_env.core.memory import (
     DECISION,
     LANES,
@@ -42,6 +42,7 @@ from hybrid_env.core.observation_row import (
     mask_declarations,
     write_segment,
     write_tick,
+    write_trace,
     write_twin,
 )
 from hybrid_env.core.true_object import (
@@ -79,15 +80,7 @@ def _record_estimate(
     error_x = x - block.truth[0, lane]
     error_y = y - block.truth[2, lane]
     block.squared_error[lane] += error_x * error_x + error_y * error_y
-    if trace.shape[0] > 0 and block.trace_length[lane] < trace.shape[0]:
-        row = trace[block.trace_length[lane]]
-        for k in range(4):
-            row[k] = block.truth[k, lane]
-        row[4], row[5] = block.measurement[0, lane], block.measurement[1, lane]
-        row[6], row[7] = x, y
-        row[8] = block.active_mode[lane]
-        row[9] = block.segment[lane]
-        block.trace_length[lane] += 1
+    write_trace(trace, block, lane, block.active_mode[lane])
 
 
 @inlined
@@ -220,6 +213,12 @@ def set_anchor(block: Any, lane: int, bank: Any, merged: bool) -> None:
 
 
 @inlined
+def delay_of(block: Any, lane: int, setting: Any) -> float:
+    """Return the cost of the ticks since the last decision to wait, or since the switch."""
+    return setting.delay_cost * ((block.tick[lane] - 1) % setting.decide_every + 1)
+
+
+@inlined
 def _decide(
     block: Any,
     lane: int,
@@ -232,6 +231,7 @@ def _decide(
 ) -> None:
     """Record the decision of track i and fast-forward to the end of the segment."""
     trace, decisions, flags = arrays.trace[i], arrays.decisions, arrays.decision_flags
+    delay = delay_of(block, lane, setting)
     types = arrays.types
     true_mode = block.true_mode[lane]
     chosen = chosen_mode(block, lane, bank, action, types, setting)
@@ -265,7 +265,7 @@ def _decide(
             run_on(block, lane, bank, arrays, setting, rare)
             _record_estimate(block, lane, bank.hypotheses, trace, merged)
     set_anchor(block, lane, bank, merged)
-    arrays.rewards[i] = (1.0 if correct else -1.0) - setting.delay_cost
+    arrays.rewards[i] = (1.0 if correct else -1.0) - delay
     decisions[len(DECISION) - 1, i] = bits_of(block.squared_error[lane])
 
 
@@ -302,7 +302,7 @@ def prepare_lane(
         arrays.terminated[i] = False
         event = BEGUN
     elif action == 0 and block.tick[lane] < block.length[lane]:
-        arrays.rewards[i] = -setting.delay_cost
+        arrays.rewards[i] = -delay_of(block, lane, setting)
         return 0
     else:
         _decide(block, lane, i, action, bank, arrays, setting, rare)
@@ -316,19 +316,31 @@ def prepare_lane(
 
 
 @internal
+def wait_lane(
+    block: Any,
+    lane: int,
+    i: int,
+    bank: Any,
+    setting: Any,
+    rare: bool | None,
+) -> int:
+    """Return the events of a lane that waits for the next decision: it halts where the segment
+    ends.
+    """
+    return 0 if block.tick[lane] < block.length[lane] else HALTED
+
+
+@internal
 def tick(
     b: int,
     block: Any,
     bank: Any,
     first: int,
     last: int,
-    begun: int,
     setting: Any,
     rare: bool | None,
 ) -> None:
-    """Advance object and bank of lanes first .. last - 1 of block b, and write their rows. begun:
-    one bit per lane, 1 where a segment begins.
-    """
+    """Advance object and bank of lanes first .. last - 1 of block b."""
     arrays = arrays_of(setting)
     motions = motions_of(bank)
     move(block, arrays.scratch[0].noise, first, last, arrays.sensors, motions, setting, rare)
@@ -343,22 +355,23 @@ def tick(
             sum_errors(block, lane, bank.hypotheses, arrays.errors[b])
         trace = arrays.trace[b * LANES + lane]
         _record_estimate(block, lane, bank.hypotheses, trace, setting.merged)
-    _write_rows(b, block, bank, first, last, begun, arrays, setting, rare)
 
 
-@inlined
-def _write_rows(
+@internal
+def write_rows(
     b: int,
     block: Any,
     bank: Any,
     first: int,
     last: int,
     begun: int,
-    arrays: Any,
     setting: Any,
     rare: bool | None,
 ) -> None:
-    """Write the rows of lanes first .. last - 1 of block b, and which declarations count."""
+    """Write the rows of lanes first .. last - 1 of block b, and which declarations count. begun:
+    one bit per lane, 1 where a segment begins.
+    """
+    arrays = arrays_of(setting)
     scratch = arrays.scratch[0]
     compare_hypotheses(scratch, bank.hypotheses, first, last)
     if setting.log_error_allowed < 0.0:
@@ -416,6 +429,6 @@ def advance_live(begins: bool, bank_class: type, setting: Any) -> int:
         modes = bank.hypotheses.size
         step_filters(bank, 0, modes, lane, last, block, arrays.sensors, setting, True)
         begun = 1 if block.tick[0] == 1 else 0
-        _write_rows(0, block, bank, lane, last, begun, arrays, setting, None)
+        write_rows(0, block, bank, lane, last, begun, setting, None)
     set_anchor(block, lane, bank, setting.merged)
     return 0

@@ -12,8 +12,8 @@ from hybrid_env.core.banks import operations
 from hybrid_env.core.compilation import inlined
 from hybrid_env.core.memory import LANES, arrays_of
 
-# Events of a lane, combined as bits: of a step the first two.
-DECIDED, TERMINATED, BEGUN = 1, 2, 4
+# Events of a lane, combined as bits: of a step the first two. A halted lane has no tick.
+DECIDED, TERMINATED, BEGUN, HALTED = 1, 2, 4, 8
 
 
 @inlined
@@ -27,8 +27,9 @@ def advance(
     """Check all actions, then step the blocks of this call; see `kernels.entry_point`.
 
     process: `announced` or `unknown`. Its `prepare_lane` applies the action of a lane or begins its
-    next episode, and returns its events; its `tick` advances object and bank of some lanes, and
-    writes their rows. rare: None leaves out the code of rare options.
+    next episode, and its `wait_lane` prepares each further tick up to the next decision; both
+    return the events of the lane. Its `tick` advances object and bank of some lanes, and its
+    `write_rows` writes their rows. rare: None leaves out the code of rare options.
     """
     arrays = arrays_of(setting)
     for i in range(0 if reset else setting.tracks):
@@ -39,27 +40,39 @@ def advance(
     for b in range(setting.first_block, setting.last_block):
         block, bank = arrays.blocks[b], operations.bank_of(bank_class, setting, b)
         lanes = min(LANES, setting.tracks - b * LANES)
-        # One bit per lane.
+        # One bit per lane: a segment begins; a tick passes, so that there is a new row.
         begun = 0
-        # All lanes advance in this tick.
-        all_running = True
-        for lane in range(lanes):
-            i = b * LANES + lane
-            event = TERMINATED
-            if not reset or arrays.actions[i] != 0:
-                event = process.prepare_lane(reset, block, np.uint64(lane), i, bank, setting, rare)
+        moved = 0
+        for ticks in range(setting.decide_every):
+            # All lanes advance in this tick.
+            all_running = True
+            for lane in range(lanes):
+                i = b * LANES + lane
+                event = HALTED
+                if ticks > 0:
+                    if scratch.running[lane] > 0:
+                        event = process.wait_lane(block, np.uint64(lane), i, bank, setting, rare)
+                elif not reset or arrays.actions[i] != 0:
+                    event = process.prepare_lane(
+                        reset, block, np.uint64(lane), i, bank, setting, rare
+                    )
                 events |= event
-            runs = event & TERMINATED == 0
-            scratch.running[lane] = 1 if runs else 0
-            all_running = all_running and runs
-            begun |= (1 if event & BEGUN else 0) << lane
-        for first in range(1 if all_running else lanes):
-            if scratch.running[first] == 0:
-                continue
-            last = lanes if all_running else first + 1
-            # Unsigned indices need no check for negative values, so that loops over lanes compile
-            # to SIMD code.
-            start = np.uint64(first)
-            stop = np.uint64(last)
-            process.tick(b, block, bank, start, stop, begun, setting, rare)
+                runs = event & (TERMINATED | HALTED) == 0
+                scratch.running[lane] = 1 if runs else 0
+                all_running = all_running and runs
+                begun |= (1 if event & BEGUN else 0) << lane
+                moved |= scratch.running[lane] << lane
+            for first in range(1 if all_running else lanes):
+                if scratch.running[first] > 0:
+                    # Unsigned indices need no check for negative values, so that loops over lanes
+                    # compile to SIMD code.
+                    start = np.uint64(first)
+                    stop = np.uint64(lanes if all_running else first + 1)
+                    process.tick(b, block, bank, start, stop, setting, rare)
+        all_moved = moved == (1 << lanes) - 1
+        for first in range(1 if all_moved else lanes):
+            if moved & (1 << first):
+                start = np.uint64(first)
+                stop = np.uint64(lanes if all_moved else first + 1)
+                process.write_rows(b, block, bank, start, stop, begun, setting, rare)
     return events & (DECIDED | TERMINATED)

@@ -218,8 +218,10 @@ TRACE_COLUMNS = (
     "estimate_y",
     "active_mode",
     "segment",
+    "true_mode",
 )
-"""Columns of the trace. It has one row per tick, including fast-forwarded ticks."""
+"""Columns of the trace. It has one row per tick of a step, including fast-forwarded ticks; with
+unknown switches the active mode is the statement before the tick."""
 
 
 @dataclass(frozen=True)
@@ -621,6 +623,8 @@ PARAMETERS = np.dtype(
                 "bank_rows",
                 # M if a declaration recalculates the estimates since the switch, or 0.
                 "recalculated",
+                # Between two decisions [ticks].
+                "decide_every",
                 # Of a random scheme, and of an episode with unknown switches.
                 "segments",
                 "shortest",

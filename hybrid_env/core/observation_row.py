@@ -84,6 +84,19 @@ def mean_over_noise(value_x: float, value_y: float, variance_x: float, variance_
 
 
 @internal
+def write_trace(trace: FloatArray, block: Any, lane: int, active_mode: int) -> None:
+    """Add the present tick to a stored trace, (rows, columns), as long as it has room."""
+    if trace.shape[0] > 0 and block.trace_length[lane] < trace.shape[0]:
+        row = trace[block.trace_length[lane]]
+        for k in range(4):
+            row[k] = block.truth[k, lane]
+        row[4], row[5] = block.measurement[0, lane], block.measurement[1, lane]
+        row[6], row[7] = block.estimate[0, lane], block.estimate[2, lane]
+        row[8], row[9], row[10] = active_mode, block.segment[lane], block.true_mode[lane]
+        block.trace_length[lane] += 1
+
+
+@internal
 def write_segment(
     row: NDArray[np.float32],
     block: Any,

@@ -12,10 +12,10 @@ from hybrid_env.core.banks import operations
 from hybrid_env.core.banks.bank import filter_model, motions_of
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.habits import draw_from_law, draw_law, draw_mode, draw_order, draw_remaining
-from hybrid_env.core.kernel import TERMINATED
+from hybrid_env.core.kernel import HALTED, TERMINATED
 from hybrid_env.core.memory import LANES, FloatArray, Records, arrays_of
 from hybrid_env.core.noise import integer_below, uniform
-from hybrid_env.core.observation_row import write_quickest_row
+from hybrid_env.core.observation_row import write_quickest_row, write_trace
 from hybrid_env.core.true_object import begin_motion, draw_first_estimate, move
 
 # Halves of the table of durations.
@@ -113,6 +113,28 @@ def record_statement(block: Any, lane: int, stated: int) -> bool:
 
 
 @internal
+def _state(
+    block: Any,
+    lane: int,
+    i: int,
+    bank: Any,
+    setting: Any,
+    rare: bool | None,
+) -> int:
+    """Reward the statement of track i for the present tick. Returns the events of the lane."""
+    arrays = arrays_of(setting)
+    changed = record_statement(block, lane, arrays.actions[i])
+    wrong = -setting.change_cost if changed else 0.0
+    arrays.rewards[i] += 1.0 if arrays.actions[i] == block.true_mode[lane] else wrong
+    if block.time[lane] == setting.ticks:
+        arrays.terminated[i] = True
+        return TERMINATED
+    if block.tick[lane] == block.length[lane]:
+        _switch(block, lane, i, bank, arrays, setting, rare)
+    return 0
+
+
+@internal
 def prepare_lane(
     reset: bool,
     block: Any,
@@ -124,20 +146,30 @@ def prepare_lane(
 ) -> int:
     """Apply the action of track i, or begin its next episode. Returns the events of the lane."""
     arrays = arrays_of(setting)
+    block.trace_length[lane] = 0
+    arrays.rewards[i] = 0.0
     if reset or arrays.terminated[i]:
         _begin_episode(block, lane, i, bank, arrays, setting, rare)
-        arrays.rewards[i] = 0.0
         arrays.terminated[i] = False
         return 0
-    changed = record_statement(block, lane, arrays.actions[i])
-    wrong = -setting.change_cost if changed else 0.0
-    arrays.rewards[i] = 1.0 if arrays.actions[i] == block.true_mode[lane] else wrong
-    if block.time[lane] == setting.ticks:
-        arrays.terminated[i] = True
-        return TERMINATED
-    if block.tick[lane] == block.length[lane]:
-        _switch(block, lane, i, bank, arrays, setting, rare)
-    return 0
+    return _state(block, lane, i, bank, setting, rare)
+
+
+@internal
+def wait_lane(
+    block: Any,
+    lane: int,
+    i: int,
+    bank: Any,
+    setting: Any,
+    rare: bool | None,
+) -> int:
+    """Repeat the statement of track i; a new episode halts for its first one. Returns the events
+    of the lane.
+    """
+    if block.stated_ticks[lane] == 0:
+        return HALTED
+    return _state(block, lane, i, bank, setting, rare)
 
 
 @internal
@@ -170,11 +202,10 @@ def tick(
     bank: Any,
     first: int,
     last: int,
-    begun: int,
     setting: Any,
     rare: bool | None,
 ) -> None:
-    """Advance object and bank of lanes first .. last - 1 of block b, and write their rows."""
+    """Advance object and bank of lanes first .. last - 1 of block b, and count the tick."""
     arrays = arrays_of(setting)
     motions = motions_of(bank)
     move(block, arrays.scratch[0].noise, first, last, arrays.sensors, motions, setting, rare)
@@ -183,22 +214,25 @@ def tick(
     else:
         model = filter_model(setting, 1.0, rare)
         operations.step_imm(bank, block, first, last, arrays.radii, model)
-    _write_rows(b, block, bank, first, last, arrays, setting)
+    for lane in range(first, last):
+        block.time[lane] += 1
+        write_trace(arrays.trace[b * LANES + lane], block, lane, block.stated_mode[lane])
 
 
-@inlined
-def _write_rows(
+@internal
+def write_rows(
     b: int,
     block: Any,
     bank: Any,
     first: int,
     last: int,
-    arrays: Any,
+    begun: int,
     setting: Any,
+    rare: bool | None,
 ) -> None:
-    """Write the rows of lanes first .. last - 1 of block b, and count the tick."""
+    """Write the rows of lanes first .. last - 1 of block b."""
+    arrays = arrays_of(setting)
     for lane in range(first, last):
-        block.time[lane] += 1
         write_quickest_row(arrays.observations[b * LANES + lane], block, lane, bank, setting)
 
 
@@ -225,5 +259,7 @@ def advance_live(begins: bool, bank_class: type, setting: Any) -> int:
             continue
         first, last = np.uint64(0), np.uint64(lanes)
         step_irregular(bank, block, first, last, arrays.radii, arrays.sensors, setting)
-        _write_rows(b, block, bank, first, last, arrays, setting)
+        for lane in range(first, last):
+            block.time[lane] += 1
+        write_rows(b, block, bank, first, last, 0, setting, None)
     return 0

@@ -12,9 +12,6 @@ from hybrid_env.core.memory import TRACE_COLUMNS
 from hybrid_env.model_options import ModelOptions
 from hybrid_env.rendering.evidence import EvidencePanel, probability_panel, sprt_panel
 
-COLUMNS = (*TRACE_COLUMNS, "true_mode")
-"""Of the rows; with unknown switches the active mode is the stated one, NaN before it is."""
-
 
 class Decision(NamedTuple):
     """One decision of the episode: its tick, 1 at the first measurement, and what `info` tells."""
@@ -53,27 +50,25 @@ class History:
         self.episode += 1
         self.finished = False
         self.decisions: list[Decision] = []
-        # Rows of `COLUMNS` and the evidence.
+        # Rows of `TRACE_COLUMNS` and the evidence; a stated mode is NaN before it is stated.
         self._parts: list[FloatArray] = []
 
     def record(self, world: Any, track: int, info: Info, finished: bool) -> None:
         """Store the last step or reset of a track of a `World` with its `info`: with announced
         switches all ticks to the next decision, of which the bank has processed the last one.
         """
-        active = COLUMNS.index("active_mode")
+        active = TRACE_COLUMNS.index("active_mode")
+        rows = world.read_trace(track)
         if self.options.switches == "announced":
-            rows = world.read_trace(track)
             likeliest = 0 if finished else int(rows[-1, active])
             evidence = info["log_likelihood"] - info["log_likelihood"][likeliest]
         else:
-            # The statement of the last tick.
+            # The statement of the last tick holds up to the present one, whose own comes next.
             if self._parts:
-                self._parts[-1][-1, active] = world.actions[track]
-            position = info["estimate"][[0, 2]]
-            row = [*info["truth"], *info["measurement"], *position, np.nan, info["segment"]]
-            rows = np.array([] if finished else [row]).reshape(-1, len(row))
+                self._parts[-1][-1, active] = rows[:, active] = world.actions[track]
+            if not finished:
+                rows[-1, active] = np.nan
             evidence = np.exp(info["log_probability"])
-        true = np.full(len(rows), info["true_mode"])
         if "decided_mode" in info:
             names = (
                 "decided_mode",
@@ -83,21 +78,18 @@ class History:
                 "ticks",
                 "decided_length",
             )
-            decision = Decision(len(self.trace), *(info[name] for name in names))
-            self.decisions.append(decision)
-            skipped = rows[:, COLUMNS.index("segment")] != info["segment"]
-            true[skipped] = decision.true_mode
+            self.decisions.append(Decision(len(self.trace), *(info[name] for name in names)))
         self.finished = finished
         self.segment = info["segment"]
         self.tick = info["tick"]
         unknown = np.full((len(rows), len(evidence)), np.nan)
-        self._parts.append(np.column_stack([rows, true, unknown]))
+        self._parts.append(np.column_stack([rows, unknown]))
         if not finished:
             self.set_evidence(evidence)
 
     def set_evidence(self, evidence: FloatArray) -> None:
         """Replace the evidence at the current tick, (M,), one value for each hypothesis."""
-        self._parts[-1][-1, len(COLUMNS) :] = evidence
+        self._parts[-1][-1, len(TRACE_COLUMNS) :] = evidence
 
     @property
     def trace(self) -> FloatArray:
@@ -107,8 +99,8 @@ class History:
         return self._parts[0]
 
     def column(self, name: str) -> FloatArray:
-        """Return a column of `COLUMNS`, (T,)."""
-        return self.trace[:, COLUMNS.index(name)]
+        """Return a column of `TRACE_COLUMNS`, (T,)."""
+        return self.trace[:, TRACE_COLUMNS.index(name)]
 
     def points(self, kind: str = "") -> FloatArray:
         """Return positions, (T, 2) [m]: true ones, "measured_" or "estimate_"."""
@@ -127,7 +119,7 @@ class History:
     @property
     def evidence(self) -> FloatArray:
         """(T, M) evidence for each hypothesis, NaN at the ticks after a decision."""
-        return self.trace[:, len(COLUMNS) :]
+        return self.trace[:, len(TRACE_COLUMNS) :]
 
     @property
     def switches(self) -> IntArray:
