@@ -48,9 +48,10 @@ intrinsic: Any = numba_intrinsic
 not the callers'.
 """
 
-internal: Any = register_jitable(**OPTIONS)
+internal: Any = register_jitable(**OPTIONS, forceinline=True)
 """Decorator of a function that is compiled when a compiled function calls it, once for all calls
-with the same types. Python runs it as it is.
+with the same types, and which LLVM inlines: by itself it does not where there are two callers.
+Python runs it as it is.
 """
 
 summing: Any = register_jitable(**OPTIONS, fastmath={"reassoc"})
