@@ -186,9 +186,13 @@ class HybridTrackEnv(TrackEnv):
     exact. The agent observes how well each hypothesis explains the measurements, and either waits
     for the next measurement or declares a hypothesis.
 
-    A declaration counts once a posterior reaches `evidence`: that of a mode, or where the type is
-    rewarded that of straight, left or right. All hypotheses have equal priors at the switch.
-    Before, a declaration waits. With `evidence=0` every declaration counts.
+    With `decide_every=5` a decision is asked for every five ticks: a wait lasts to the next
+    multiple of it in the segment, or to the end of the segment, and the first decision of a segment
+    comes at its fifth tick.
+
+    With `evidence` above 0 a declaration counts once a posterior reaches it: that of a mode, or
+    where the type is rewarded that of straight, left or right. All hypotheses have equal priors at
+    the switch. Before, a declaration waits.
 
     An episode is one trajectory of several segments. When the agent declares a hypothesis, the
     segment is fast-forwarded: within the same step, the filter of the declared hypothesis runs to
@@ -217,11 +221,11 @@ class HybridTrackEnv(TrackEnv):
     error.
 
     ## Observation Space
-    The observation is a float32 `Box` of shape `(6 M + 10,)`: six blocks of M values, one per
-    hypothesis, followed by ten scalars. Each quantity is multiplied by its scale, which Min and Max
-    do not include; `hybrid_env.Layout` reads quantities by name and removes the scale. R is the
-    geometric mean of the two measurement variances. "Along" and "across" (positive to the left)
-    refer to the heading of the anchor.
+    The observation is a float32 `Box` of shape `(6 M + 11,)`: six blocks of M values, one per
+    hypothesis, followed by eleven scalars. No quantity has a unit. Each one is multiplied by its
+    scale, which Min and Max do not include; `hybrid_env.Layout` reads quantities by name and
+    removes the scale. R is the geometric mean of the two measurement variances. "Along" and
+    "across" (positive to the left) refer to the heading of the anchor.
 
     | Num | Name | Observation | Min | Max | Scale |
     |---|---|---|---|---|---|
@@ -230,35 +234,41 @@ class HybridTrackEnv(TrackEnv):
     | 2 M .. | innovation_across | whitened innovation, across | | | 1 |
     | 3 M .. | log_variance | log of (innovation variance / R) | 0 | | 1 |
     | 4 M .. | previous | one-hot encoding of the last decided mode | 0 | 1 | 1 |
-    | 5 M .. | curvature | signed curvature, positive to the left [1/m] | | | 1 |
+    | 5 M .. | turn_angle | turn of the heading in a tick, positive to the left [rad] | | | 1 |
     | 6 M | ticks | ticks since the switch, 1 at the first measurement | 1 | | 0.01 |
     | 6 M + 1 | ticks_left | ticks until the next switch | 0 | | 0.01 |
     | 6 M + 2 | log_error_probability | log(1 - maximum posterior), equal priors | -30 | 0 | 0.1 |
-    | 6 M + 3 | speed | speed of the anchor [m/s] | 0 | | 1 |
+    | 6 M + 3 | speed | way of the anchor in a tick / sqrt(R) | 0 | | 1 |
     | 6 M + 4 | displacement_along | (measurement - anchor) / sqrt(R) | | | 0.1 |
     | 6 M + 5 | displacement_across | (measurement - anchor) / sqrt(R), across | | | 0.1 |
     | 6 M + 6 | anchor_xx | position variance of the estimate at the switch / R | 0 | | 1 |
-    | 6 M + 7 | anchor_xv | its position-velocity covariance / R [1/s] | | | 1 |
-    | 6 M + 8 | anchor_vv | its velocity variance / R [1/s^2] | 0 | | 1 |
-    | 6 M + 9 | log_noise | log R, with R in m^2 | | | 1 |
+    | 6 M + 7 | anchor_xv | its position-velocity covariance / (R / tau) | | | 10 |
+    | 6 M + 8 | anchor_vv | its velocity variance / (R / tau^2) | 0 | | 100 |
+    | 6 M + 9 | log_noise | log(variance of the measurement / R), not 0 with sensors only | | | 1 |
+    | 6 M + 10 | measured | 1 if the tick has a measurement, else 0 | 0 | 1 | 1 |
 
     With radars that measure the range rate, it adds to the likelihood of a hypothesis after the
     position; innovations and their variance are those of the position.
 
     A tick may have no measurement (`missed`, or sensors out of range). The filters then only
-    predict: all innovations are exactly zero, which they are in no other tick, the ratios do not
-    change, and the displacement is the one that the most likely filter predicts.
+    predict: all innovations are zero, the ratios do not change, and the displacement is the one
+    that the most likely filter predicts. With `decide_every` the innovations are those of the last
+    tick before the decision.
 
-    Two twins have the same actions, rewards and episodes, so that their differences are the worth
-    of a bank, and of what cannot be observed. `observation="raw"` is the measurement without the
-    bank (`hybrid_env.RawLayout`): displacement_along, displacement_across, measured (1 if there is
-    a measurement), ticks, ticks_left, speed, log_noise. `observation="state"` hides nothing
-    (`hybrid_env.StateLayout`): the one-hot encoding of the true mode, position and velocity of the
-    object along and across, ticks, ticks_left, log_noise.
+    Three twins have the same actions, rewards and episodes, so that their differences are the worth
+    of a bank, of a memory, and of what cannot be observed. `observation="raw"` is the measurement
+    without the bank (`hybrid_env.RawLayout`): displacement_along, displacement_across, measured,
+    ticks, ticks_left, speed, log_noise. `observation="innovations"` has no sums of evidence
+    (`hybrid_env.InnovationsLayout`): innovation_along and innovation_across of each hypothesis, the
+    one-hot encoding of the last decided mode, ticks, ticks_left, measured.
+    `observation="state"` hides nothing (`hybrid_env.StateLayout`): the one-hot encoding of the true
+    mode, position and velocity (in sqrt(R) and per tick) of the object along and across, ticks,
+    ticks_left, log_noise.
 
     ## Rewards
-    Every step has the reward `-delay_cost`. A step with a decision has an additional reward of +1
-    if the decision is correct and -1 if it is wrong. The return of a segment decided at its k-th
+    Every step has the reward `-delay_cost` for each tick since the last wait or the switch: one
+    tick, or with `decide_every` up to so many. A step with a decision has an additional reward of
+    +1 if the decision is correct and -1 if it is wrong. The return of a segment decided at its k-th
     tick is therefore (+1 or -1) - k * delay_cost. Train with a discount factor of 1: the delay cost
     already penalizes late decisions.
 

@@ -159,14 +159,19 @@ class LiveTracks(OwnState):
 
     @property
     def asks(self) -> bool:
-        """Whether the present observation is for a decider, at each `decide_every` ticks: with
-        announced switches also at the end of a segment, as long as it has no decision.
+        """Whether a decider is needed: with announced switches as long as the segment has no
+        decision.
         """
+        return not (self.announced and self.decided)
+
+    @property
+    def counts(self) -> bool:
+        """Whether an action counts at the present tick, see the option `decide_every`."""
         block, every = self.world.blocks[0], self.options.decide_every
         if not self.announced:
             return bool((block["time"][0] - 1) % every == 0)
         tick = block["tick"][0]
-        return not self.decided and bool(tick % every == 0 or tick == block["length"][0])
+        return bool(tick % every == 0 or tick == block["length"][0])
 
     @property
     def mode(self) -> int:

@@ -223,6 +223,11 @@ class ModelOptions(Checked):
         x, y = position * np.broadcast_to(self.variances, 2)
         return np.array([x, velocity, y, velocity])
 
+    @property
+    def deviation(self) -> float:
+        """Standard deviation of a measured coordinate, sqrt(R): geometric mean of the axes [m]."""
+        return float(np.exp(0.5 * np.log(self.variances).mean()))
+
     def arrays(self) -> dict[str, AnyArray]:
         """Return the arrays of the options that the kernel reads; see `core.memory.Arrays`."""
         signed = [mode.signed_radius for mode in self.all_modes]
@@ -250,7 +255,6 @@ class ModelOptions(Checked):
         }
         position, velocity = self.initial_error
         flown = self.process_variance if self.object_variance is None else self.object_variance
-        log_noise = np.log(self.variances).mean()
         freedom = self.likelihood.freedom if isinstance(self.likelihood, StudentNoise) else 0.0
         return {
             **plain,
@@ -264,8 +268,8 @@ class ModelOptions(Checked):
             "deviation_y": np.sqrt(self.variances[-1]),
             "variance_x": self.variances[0],
             "variance_y": self.variances[-1],
-            "log_noise": log_noise,
-            "noise_whitener": np.exp(-0.5 * log_noise),
+            "log_noise": np.log(self.variances).mean(),
+            "noise_whitener": 1.0 / self.deviation,
             "radii_count": len(self.radii),
             "columns": len(self.radii) + 1,
             "modes": self.hypotheses,

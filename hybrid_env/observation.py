@@ -6,7 +6,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from hybrid_env.checks import AnyArray, FloatArray, check_integer, reject
-from hybrid_env.core.observation_row import LENGTH_SCALE, LOG_SCALE, TICK_SCALE
+from hybrid_env.core.observation_row import LENGTH_SCALE, LOG_SCALE, TICK_SCALE, VELOCITY_SCALE
 
 
 class Layout:
@@ -18,10 +18,10 @@ class Layout:
 
     >>> layout = Layout(3)
     >>> layout.width
-    28
+    29
     >>> repr(layout)[:50]
     'Layout(3): log_ratio 0:3, innovation_along 3:6, in'
-    >>> layout.read(np.zeros((5, 28), np.float32), "log_ratio").shape
+    >>> layout.read(np.zeros((5, 29), np.float32), "log_ratio").shape
     (5, 3)
     """
 
@@ -31,7 +31,7 @@ class Layout:
         "innovation_across": 1.0,
         "log_variance": 1.0,
         "previous": 1.0,
-        "curvature": 1.0,
+        "turn_angle": 1.0,
     }
     track_features: ClassVar[dict[str, float]] = {
         "ticks": TICK_SCALE,
@@ -41,9 +41,10 @@ class Layout:
         "displacement_along": LENGTH_SCALE,
         "displacement_across": LENGTH_SCALE,
         "anchor_xx": 1.0,
-        "anchor_xv": 1.0,
-        "anchor_vv": 1.0,
+        "anchor_xv": VELOCITY_SCALE,
+        "anchor_vv": VELOCITY_SCALE**2,
         "log_noise": 1.0,
+        "measured": 1.0,
     }
 
     def __init__(self, hypotheses: int):
@@ -119,7 +120,11 @@ class QuickestLayout(Layout):
         "log_variance": 1.0,
         "stated": 1.0,
     }
-    track_features: ClassVar[dict[str, float]] = {"speed": 1.0, "stated_ticks": TICK_SCALE}
+    track_features: ClassVar[dict[str, float]] = {
+        "speed": 1.0,
+        "stated_ticks": TICK_SCALE,
+        "measured": 1.0,
+    }
 
 
 class RawLayout(Layout):
@@ -153,4 +158,21 @@ class StateLayout(Layout):
         "ticks": TICK_SCALE,
         "ticks_left": TICK_SCALE,
         "log_noise": 1.0,
+    }
+
+
+class InnovationsLayout(Layout):
+    """Position and scale of each quantity in an observation with `observation="innovations"`; see
+    `Layout`.
+    """
+
+    hypothesis_features: ClassVar[dict[str, float]] = {
+        "innovation_along": 1.0,
+        "innovation_across": 1.0,
+        "previous": 1.0,
+    }
+    track_features: ClassVar[dict[str, float]] = {
+        "ticks": TICK_SCALE,
+        "ticks_left": TICK_SCALE,
+        "measured": 1.0,
     }

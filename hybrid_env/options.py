@@ -12,7 +12,7 @@ from hybrid_env.core.memory import BANKS, SEGMENT_COLUMNS, TICK_NAMES, DenseBank
 from hybrid_env.core.observation_row import OBSERVATIONS
 from hybrid_env.limits import QuantityOrZero
 from hybrid_env.model_options import ModelOptions as ModelOptions
-from hybrid_env.observation import Layout, RawLayout, StateLayout
+from hybrid_env.observation import InnovationsLayout, Layout, RawLayout, StateLayout
 from hybrid_env.scheme import FixedScheme, RandomScheme, Scheme, parse_scheme, segment_table
 from hybrid_env.sensors import has_radar
 
@@ -52,9 +52,10 @@ class WorldOptions(ModelOptions):
             left or right, which is the most likely hypothesis of this type; "best" waits or
             declares the most likely one.
         observation: "bank" is the output of the bank; "raw" the measurement relative to the anchor,
-            without the bank; "state" the true state and the true mode. Actions, rewards and
-            episodes are the same with all three, so that their difference is the worth of a bank,
-            and of what cannot be observed.
+            without the bank; "state" the true state and the true mode; "innovations" the whitened
+            innovations, the time and the last decision, so that a decider has to sum up the
+            evidence. Actions, rewards and episodes are the same with all of them, so that their
+            difference is the worth of a bank, and of what cannot be observed.
         undecided: decision on a segment that ends undecided: "likeliest" for the most likely
             hypothesis, "keep" for the last decided mode, as in the papers.
     """
@@ -73,7 +74,7 @@ class WorldOptions(ModelOptions):
     correctness: Literal["exact", "type"] = "exact"
     evidence: Annotated[float, Interval(ge=0.0, le=1.0 - 1e-9)] = 0.0
     actions: Literal["all", "types", "best"] = "all"
-    observation: Literal["bank", "raw", "state"] = "bank"
+    observation: Literal["bank", "raw", "state", "innovations"] = "bank"
     undecided: Literal["likeliest", "keep"] = "likeliest"
 
     def __post_init__(self) -> None:
@@ -100,9 +101,8 @@ class WorldOptions(ModelOptions):
                 f"radii that include {shown} of the scheme, or correctness='type'",
             )
         self._check_ratios(of_scheme | set(self.radii))
-        shortest = min(self._lengths(longest=False))
-        if self.decide_every > shortest:
-            allowed = f"at most {shortest}, the length of the shortest segment"
+        if self.decide_every > self.shortest_segment:
+            allowed = f"at most {self.shortest_segment}, the length of the shortest segment"
             raise reject("decide_every", self.decide_every, allowed)
 
     @property
@@ -127,8 +127,12 @@ class WorldOptions(ModelOptions):
     @property
     def layout_class(self) -> type[Layout]:
         """Layout of the rows, by the option `observation`."""
-        layouts = {"bank": Layout, "raw": RawLayout, "state": StateLayout}
-        return layouts[self.observation]
+        return {
+            "bank": Layout,
+            "raw": RawLayout,
+            "state": StateLayout,
+            "innovations": InnovationsLayout,
+        }[self.observation]
 
     @property
     def table(self) -> FloatArray:
@@ -152,6 +156,11 @@ class WorldOptions(ModelOptions):
     def longest_segment(self) -> int:
         """Length of the longest possible segment [ticks]."""
         return max(self._lengths())
+
+    @property
+    def shortest_segment(self) -> int:
+        """Length of the shortest possible segment [ticks]."""
+        return min(self._lengths(longest=False))
 
     @property
     def longest_episode(self) -> int:

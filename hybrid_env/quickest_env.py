@@ -28,10 +28,10 @@ class HybridTrackQuickestEnv(TrackEnv):
     `radii`. An action outside the space raises `gymnasium.error.InvalidAction`.
 
     ## Observation Space
-    The observation is a float32 `Box` of shape `(6 M + 2,)`: six blocks of M values, one per
-    hypothesis, followed by two scalars. Each quantity is multiplied by its scale, which Min and Max
-    do not include; `hybrid_env.QuickestLayout` reads quantities by name and removes the scale. R is
-    the geometric mean of the two measurement variances. "Along" and "across" (positive to the left)
+    The observation is a float32 `Box` of shape `(6 M + 3,)`: six blocks of M values, one per
+    hypothesis, followed by three scalars. Each quantity is multiplied by its scale, which Min and
+    Max do not include; `hybrid_env.QuickestLayout` reads quantities by name and removes the scale.
+    R is the geometric mean of the two measurement variances. "Along" and "across" (positive to the left)
     refer to the heading of the merged estimate of the bank.
 
     | Num | Name | Observation | Min | Max | Scale |
@@ -42,15 +42,15 @@ class HybridTrackQuickestEnv(TrackEnv):
     | 3 M .. | innovation_across | whitened innovation, across | | | 1 |
     | 4 M .. | log_variance | log of (innovation variance / R) | 0 | | 1 |
     | 5 M .. | stated | one-hot encoding of the last statement, at first 0 | 0 | 1 | 1 |
-    | 6 M | speed | speed of the merged estimate [m/s] | 0 | | 1 |
+    | 6 M | speed | way of the merged estimate in a tick / sqrt(R) | 0 | | 1 |
     | 6 M + 1 | stated_ticks | number of consecutive statements of this mode | 0 | | 0.01 |
+    | 6 M + 2 | measured | 1 if the tick has a measurement, else 0 | 0 | 1 | 1 |
 
     With radars that measure the range rate, it adds to the likelihood of a hypothesis after the
     position; innovations and their variance are those of the position.
 
     A tick may have no measurement (`missed`, or sensors out of range). The filters then only
-    predict: all innovations are exactly zero, which they are in no other tick, and the
-    probabilities follow the Markov chain.
+    predict: all innovations are zero, and the probabilities follow the Markov chain.
 
     ## Rewards
     A statement of the right mode has a reward of 1, a statement of a wrong mode one of 0. A change

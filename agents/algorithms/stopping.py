@@ -37,6 +37,8 @@ class StoppingSettings(WorldsSettings):
     passes: Count
     # Bounds of the delay cost; half of the environments have one drawn between them.
     delay_costs: Factors = (0.003, 0.05)
+    # Largest number of ticks between decisions; half of the environments have one from 1 on.
+    most_ticks: Count = 12
     # Agent whose other networks are used, with as many hidden units; or its run folder.
     agent: str = "shipped"
 
@@ -63,12 +65,17 @@ class Stopping(WorldsAlgorithm):
         return network
 
     def changed_world(self, world: WorldOptions, generator: np.random.Generator) -> WorldOptions:
-        """See `WorldsAlgorithm.changed_world`: half of the environments have another delay cost."""
-        if generator.random() >= 0.5:
-            return world
-        costs = self.settings.delay_costs
-        cost = float(log_uniform(generator, min(costs), max(costs)))
-        return WorldOptions(**{**vars(world), "delay_cost": cost})
+        """See `WorldsAlgorithm.changed_world`: half of the environments have another delay cost,
+        and half of them other ticks between decisions.
+        """
+        changes: dict[str, Any] = {}
+        if generator.random() < 0.5:
+            costs = self.settings.delay_costs
+            changes["delay_cost"] = float(log_uniform(generator, min(costs), max(costs)))
+        if generator.random() < 0.5:
+            longest = min(self.settings.most_ticks, world.shortest_segment)
+            changes["decide_every"] = round(log_uniform(generator, 1, longest))
+        return WorldOptions(**{**vars(world), **changes})
 
     def draw_margins(self, generator: np.random.Generator, tracks: int) -> FloatArray:
         """See `WorldsAlgorithm.draw_margins`: infinite where a segment runs to its end."""
@@ -106,8 +113,8 @@ def paths_of(explorer: Explorer) -> tuple[Float32Array, Float32Array, IntArray]:
     """Run the episodes of an agent in training; return the S segments that ran to their ends.
 
     Returns:
-        (n, 30) inputs of the network, one segment after the other; (n,) rewards of a declaration
-        at each tick, what it costs in the next segment included; and (S,) numbers of ticks.
+        (n, 31) inputs of the network, one segment after the other; (n,) rewards of a declaration
+        at each decision, what it costs in the next segment included; and (S,) numbers of decisions.
     """
     env, world = explorer.env, explorer.world
     nothing = np.zeros(env.num_envs, np.int64)
@@ -116,20 +123,28 @@ def paths_of(explorer: Explorer) -> tuple[Float32Array, Float32Array, IntArray]:
     ]
     # (N, T) and more.
     modes, going = (np.stack(parts, 1) for parts in zip(*steps, strict=True))
-    inputs, rows, best, margins, stops = (
+    inputs, rows, best, margins, counts, stops = (
         np.stack(parts, 1)
         for parts in zip(
             *(
-                (seen.odds.inputs, seen.odds.ratios.rows, seen.odds.best, seen.margin, seen.stops)
+                (
+                    seen.odds.inputs,
+                    seen.odds.ratios.rows,
+                    seen.odds.best,
+                    seen.margin,
+                    seen.counts,
+                    seen.stops,
+                )
                 for seen in explorer.seen
             ),
             strict=True,
         )
     )
-    kept = np.isinf(margins) & going
+    kept = np.isinf(margins) & going & counts
     ends = np.where(kept & stops)
     ratios = RowRatios(world, rows[kept])
-    lengths = np.round(explorer.agent.layout.read(rows[ends], "ticks")).astype(np.int64)
+    ticks = explorer.agent.layout.read(rows[ends], "ticks")
+    lengths = np.ceil(ticks.round() / world.decide_every).astype(np.int64)
     best, true = best[kept], np.repeat(modes[ends], lengths)
     groups = world.groups
     rewards = np.where(groups[best] == groups[true], 1.0, -1.0)

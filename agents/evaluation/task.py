@@ -322,7 +322,9 @@ class UnknownTask(Task):
     ) -> list[Recorded]:
         options: Any = self.options_with(decider.options)
         make = functools.partial(statement_env, options, episodes)
-        return [self.measured(stated) for stated in record_in(make, decider, seed)]
+        every = options.decide_every
+        recorded = record_in(make, decider, seed, decide_every=every)
+        return [self.measured(stated) for stated in recorded]
 
     def measured(self, recorded: statements.Statements) -> Recorded:
         """Return the values of recorded statements, of modes and of types."""

@@ -98,7 +98,7 @@ class AnchorState:
     def _anchors(self, net: AnchorNet, ratios: RowRatios, begins: BoolArray) -> Anchors:
         """Return the anchors of the tracks that begin a segment."""
         begun = np.flatnonzero(begins)
-        started = stated_anchors(ratios.layout, ratios.rows[begun], net.components)
+        started = stated_anchors(self.world, ratios.rows[begun], net.components)
         self.anchors = None
         later = np.flatnonzero(~self.first[begun])
         if later.size:
@@ -134,7 +134,7 @@ class AnchorState:
 class Odds(NamedTuple):
     """What the agent knows of N tracks at a tick."""
 
-    # (N, 30) of the network that decides to declare.
+    # (N, 31) of the network that decides to declare.
     inputs: Float32Array
     # (N,) log-odds of declaring against waiting.
     logits: FloatArray

@@ -50,17 +50,14 @@ class RowRatios:
         self.world, self.rows, self.layout = world, rows, Layout(world.hypotheses)
         self.kind = world.types
         self.of_world = float(world.follow == "bank"), float(world.bank == "anchor_aware")
-        self.process_deviation = np.sqrt(world.process_variance)
-        speed = self.read("speed")
-        self.turn = self.read("curvature") * (speed * world.tau)[:, None]
-        log_tick = np.log(world.tau)
-        log_deviation = 0.5 * self.read("log_noise")
-        log_process = bounded_log(self.process_deviation, 1e-150)
-        self.motion = bounded_log(speed) + log_tick - log_deviation
-        self.process = log_process - bounded_log(speed)
-        self.noise = log_process + log_tick - log_deviation
+        self.turn = self.read("turn_angle")
+        # Of the velocity, in sqrt(R) per tick.
+        self.process_deviation = np.sqrt(world.process_variance) * world.tau / world.deviation
+        self.motion = bounded_log(self.read("speed"))
+        self.noise = bounded_log(self.process_deviation, 1e-150)
+        self.process = self.noise - self.motion
         self.position = bounded_log(self.read("anchor_xx"))
-        self.velocity = bounded_log(self.read("anchor_vv"), 1e-150) + 2.0 * log_tick
+        self.velocity = bounded_log(self.read("anchor_vv"), 1e-150)
 
     def read(self, name: str) -> FloatArray:
         """Return a quantity of the rows, see `Layout.read`."""
@@ -126,8 +123,7 @@ def anchor_inputs(
     spread = np.sqrt((within * deviation**2).sum(-1))
     xx, xv, vv = (read(name) for name in ("anchor_xx", "anchor_xv", "anchor_vv"))
     # Of the speed.
-    variance = vv * np.exp(read("log_noise"))
-    variance = variance + ratios.process_deviation**2 * (ticks + ticks_left)
+    variance = vv + ratios.process_deviation**2 * (ticks + ticks_left)
     drift = ratios.of_mode(bias, decided)
     columns = [
         log_turn(declared),
@@ -167,8 +163,8 @@ def bias_of_bank(ratios: RowRatios, innovations: FloatArray) -> FloatArray:
     deviation = np.exp(0.5 * ratios.read("log_variance"))[..., None]
     names = ("innovation_along", "innovation_across")
     of_bank = np.stack([ratios.read(name) for name in names], axis=-1) * deviation
-    log_noise = ratios.read("log_noise")[:, None, None]
-    return of_bank - innovations[..., :2] * np.exp(0.5 * (innovations[..., 2:] - log_noise))
+    deviation = np.exp(0.5 * innovations[..., 2:]) / ratios.world.deviation
+    return of_bank - innovations[..., :2] * deviation
 
 
 def regret_inputs(ratios: RowRatios, declared: FloatArray, true: FloatArray) -> Float32Array:
@@ -211,7 +207,7 @@ def stopping_inputs(
     squares: FloatArray,
     heavy_tails: FloatArray,
 ) -> Float32Array:
-    """Return the inputs for the decision to declare, (N, 30).
+    """Return the inputs for the decision to declare, (N, 31).
 
     Args:
         ratios: of the rows.
@@ -264,6 +260,7 @@ def stopping_inputs(
             cost / 2.0,
             world.correctness == "type",
             np.log(world.hypotheses / 3.0) / 2.0,
+            np.log(world.decide_every),
         ]
     )
 
@@ -272,10 +269,9 @@ def stated_factor(ratios: RowRatios, side: FloatArray) -> FloatArray:
     """Return a factor F with F F' = stated covariance in the mirrored frame, (N, 4, 4), at first
     rows of a segment; the side of the turn (N,) is 1 or -1, see `declared_side`.
     """
-    covariance = stated_covariance(ratios.layout, ratios.rows)
-    noise = np.exp(ratios.read("log_noise"))
+    covariance = stated_covariance(ratios.world, ratios.rows)
     # Relative to R, and to R / tau^2 of the thousandth part.
-    position = 1e-3 * noise
+    position = 1e-3 * ratios.world.deviation**2
     velocity = position / (1000.0 * ratios.world.tau**2)
     for k, floor in enumerate((position, velocity, position, velocity)):
         covariance[:, k, k] = np.maximum(covariance[:, k, k], floor)

@@ -51,13 +51,11 @@ def statement_inputs(
     # Index of the innovation across the heading.
     lateral = 4
     out = turn_views(each, logs, sides(layout.hypotheses)[1:], (lateral,), 2)
-    # Of a measurement, the geometric mean of those of the axes.
-    deviation = float(np.sqrt(np.prod(world.variances) ** (1.0 / world.variances.size)))
     speed = np.maximum(rows[..., layout.slices["speed"]], 1e-30)
     radii = np.tile(np.array(world.radii, np.float32), 2)
     # Distance per tick over the deviation of a measurement, and turn angle per tick.
-    out[..., 3 * n] = 0.5 * _log(speed * np.float32(world.tau / deviation))
-    out[..., 3 * n + 1] = 0.5 * _log(speed * np.float32(world.tau) / radii) + 1.5
+    out[..., 3 * n] = 0.5 * _log(speed)
+    out[..., 3 * n + 1] = 0.5 * _log(speed * np.float32(world.deviation) / radii) + 1.5
     return out
 
 

@@ -16,7 +16,7 @@ from agents.training.random_worlds import draw_world
 from agents.training.settings import NetworkSettings
 from baselines.rules import seeds
 from baselines.rules.decider import Actions, Decider, Observations
-from baselines.rules.rollout import Tick, rollout
+from baselines.rules.rollout import Tick, decision_ticks, rollout
 from hybrid_env.checks import (
     BoolArray,
     Checked,
@@ -138,6 +138,8 @@ class Seen(NamedTuple):
     odds: Odds
     # (N,) threshold of the segment.
     margin: FloatArray
+    # (N,) whether a declaration counts at this tick.
+    counts: BoolArray
     # (N,) that declare.
     stops: BoolArray
     # See `AnchorState`.
@@ -165,7 +167,8 @@ class Explorer(Decider):
         self.observe = self.agent.observe  # type: ignore[method-assign]
         self.generator = generator
         # The trace holds a segment that is decided at once, and the first tick of the next one.
-        self.env = HybridTrackVectorEnv(tracks, trace_rows=world.longest_step, **vars(world))
+        asked = {**vars(world), "decide_every": 1}
+        self.env = HybridTrackVectorEnv(tracks, trace_rows=world.longest_step, **asked)
         self.seen: list[Seen] = []
 
     def decide(
@@ -180,8 +183,10 @@ class Explorer(Decider):
         drawn = self.algorithm.draw_margins(self.generator, len(margin))
         margin = np.where(odds.ratios.read("ticks") < 1.5, drawn, margin)
         stops = (odds.logits > margin) | (odds.ratios.read("ticks_left") < 0.5)
+        counts = decision_ticks(self.env, self.world.decide_every)
+        stops &= counts
         truth = self.env.world.field("truth")
-        self.seen.append(Seen(odds, margin, stops, inner.anchors, truth))
+        self.seen.append(Seen(odds, margin, counts, stops, inner.anchors, truth))
         actions = self.agent.declarations(odds, stops)
         if share := self.algorithm.settings.random_declarations:
             replaced = stops & (self.generator.random(len(stops)) < share)

@@ -409,9 +409,15 @@ class OnlineTracker(OwnState):
         # A single one may agree only because its prediction is so uncertain.
         state.far *= state.agreed < 2
         self.track.measure(point.position, point)
-        if self.track.asks:
-            self.track.decide(self._ask_decider())
+        self._decide(self.track.counts)
         return "used"
+
+    def _decide(self, may_ask: bool) -> None:
+        """Ask the decider, if it may be asked or is at every tick, and apply what counts."""
+        if self.track.asks and (may_ask or self.decider.every_tick):
+            action = self._ask_decider()
+            if self.track.counts:
+                self.track.decide(action)
 
     def _at_tick(self, point: Fused, estimate: FloatArray, covariance: FloatArray) -> Fused:
         """Return what was measured, moved to its tick along the estimated velocity, unless that is
@@ -452,8 +458,7 @@ class OnlineTracker(OwnState):
     def _skip(self) -> None:
         """Advance by one tick without a measurement."""
         self.track.measure((np.nan, np.nan))
-        if self.decider.every_tick and self.track.asks:
-            self.track.decide(self._ask_decider())
+        self._decide(False)
 
     def _agrees(self, point: Fused, estimate: FloatArray, covariance: FloatArray) -> bool:
         """Return whether a motion of the track explains a measurement."""

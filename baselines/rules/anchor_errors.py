@@ -6,7 +6,7 @@ the declaration. Each filter of a decider gives the state of the object if its h
 import numpy as np
 
 from baselines.estimation.imm import mixture
-from baselines.rules.component_filters import Anchors, ComponentFilters, stated_anchors
+from baselines.rules.component_filters import Anchors, ComponentFilters, speeds, stated_anchors
 from baselines.rules.decider import Observations
 from baselines.rules.measurements import run_compiled
 from baselines.rules.propagation import Memory, propagate
@@ -69,7 +69,7 @@ class AnchorErrors(OwnState):
         """Start the bank of tracks that begin, (N,), and advance all by a tick of rows; `sensed` is
         from `split_sensed`.
         """
-        anchors = stated_anchors(self.layout, rows[begins])
+        anchors = stated_anchors(self.world, rows[begins])
         if self.resets:
             anchors.covariance[:] = np.eye(4)
         self.bank.advance(rows, begins, anchors, begins, sensed)
@@ -117,7 +117,7 @@ class AnchorErrors(OwnState):
         speed = mean[..., 4]
         variance = covariance[..., 4, 4] + (1e-6 * speed) ** 2
         gain = covariance[..., :4, 4] / variance[..., None]
-        innovation = self.layout.read(rows, "speed")[:, None] - speed
+        innovation = speeds(self.world, rows)[:, None] - speed
         log_weight = np.log(np.maximum(weight, NEGLIGIBLE)) - 0.5 * (
             np.log(variance) + innovation**2 / variance
         )

@@ -281,12 +281,12 @@ class ComponentFilters(OwnState):
             log_weights, mean, covariance = started
             self.log_weights[begins] = log_weights
             moments = np.concatenate([mean, covariance[..., TRIANGLE[0], TRIANGLE[1]]], axis=-1)
-            moments[..., 1] += self.layout.read(rows[begins], "speed")[:, None]
+            moments[..., 1] += speeds(self.world, rows[begins])[:, None]
             anchors[:, begins] = moments.swapaxes(0, 1)
         if self.world.sensors:
             measurements, anchors, heading = in_world(sensed, anchors)
         else:
-            measurements = in_rows(self.layout, rows, self.world.missed > 0.0)
+            measurements = in_rows(self.world, rows)
         if self.oriented:
             measurements = self._with_noise(rows, begins, measurements)
         shape = len(self.assumptions), *self.log_likelihood.shape
@@ -318,7 +318,7 @@ class ComponentFilters(OwnState):
         self.axes_known[begins] = False
         new = ~self.axes_known & ~np.isnan(measurements[:, 0])
         if new.any():
-            axes = axes_in_rows(self.layout, rows[new], measurements[new], self.world.tau)
+            axes = axes_in_rows(self.world, rows[new], measurements[new])
             ratio = np.sqrt(self.world.variances.min() / self.world.variances.max())
             mean, half = (1.0 / ratio + ratio) / 2.0, (1.0 / ratio - ratio) / 2.0
             cosine, sine = half * axes.T
@@ -381,22 +381,28 @@ class ComponentFilters(OwnState):
         return selected
 
 
-def stated_covariance(layout: Layout, rows: Observations) -> FloatArray:
+def speeds(world: WorldOptions, rows: Observations) -> FloatArray:
+    """Return the speeds of the anchors of rows, (N,) [m/s]."""
+    return Layout(world.hypotheses).read(rows, "speed") * (world.deviation / world.tau)
+
+
+def stated_covariance(world: WorldOptions, rows: Observations) -> FloatArray:
     """Return the covariance of the anchor as stated by the bank, (N, 4, 4), the mean over the
     axes.
     """
-    noise = np.exp(layout.read(rows, "log_noise"))
+    layout = Layout(world.hypotheses)
     xx, xv, vv = (
-        noise * layout.read(rows, name) for name in ("anchor_xx", "anchor_xv", "anchor_vv")
+        layout.read(rows, name) * (world.deviation**2 / world.tau**power)
+        for power, name in enumerate(("anchor_xx", "anchor_xv", "anchor_vv"))
     )
     of_axis = np.moveaxis(np.array([[xx, xv], [xv, vv]]), -1, 0)
     return np.kron(np.eye(2), of_axis)
 
 
-def stated_anchors(layout: Layout, rows: Observations, components: int = 1) -> Anchors:
+def stated_anchors(world: WorldOptions, rows: Observations, components: int = 1) -> Anchors:
     """Return anchors as the bank states them: one component, and others of weight 0."""
     log_weights = np.full((len(rows), components), -1e3)
     log_weights[:, 0] = 0.0
-    covariance = stated_covariance(layout, rows)[:, None]
+    covariance = stated_covariance(world, rows)[:, None]
     mean = np.zeros((*log_weights.shape, 4))
     return Anchors(log_weights, mean, np.repeat(covariance, components, axis=1))

@@ -47,12 +47,18 @@ class FixedTimeDecider(Decider):
         100,
     )
     variants: ClassVar[Variants] = {
+        "at-once": {
+            "title": "likeliest at once",
+            "thresholds": (1,),
+            "default": 1,
+            "threshold": 1,
+        },
         "ml": {
             "title": "ML at the end",
             "thresholds": (NO_EARLY_DECISION,),
             "default": NO_EARLY_DECISION,
             "threshold": NO_EARLY_DECISION,
-        }
+        },
     }
 
     def check_threshold(self, threshold: Any) -> float:

@@ -23,7 +23,7 @@ from hybrid_env.compiled import (
 )
 from hybrid_env.live import SQUARE, TRIANGLE
 from hybrid_env.observation import Layout
-from hybrid_env.options import ModelOptions
+from hybrid_env.options import ModelOptions, WorldOptions
 from hybrid_env.sensors import sensor_table
 from hybrid_env.world import World
 
@@ -177,40 +177,30 @@ def split_sensed(
     return observation[:, : layout.width], observation[:, layout.width :]
 
 
-def in_rows(layout: Layout, rows: AnyArray, missed: bool) -> FloatArray:
-    """Return the measurements of rows in the heading frame, (N, 2), NaN where one is `missed`."""
-    deviation = np.exp(0.5 * layout.read(rows, "log_noise"))[:, None]
-    displacement, innovations = (
-        np.stack([layout.read(rows, f"{name}_{axis}") for axis in ("along", "across")], axis=-1)
-        for name in ("displacement", "innovation")
-    )
-    measurements = deviation * displacement
-    # Then all innovations are exactly zero.
-    if missed:
-        measurements[~innovations.any((1, 2))] = np.nan
+def in_rows(world: WorldOptions, rows: AnyArray) -> FloatArray:
+    """Return the measurements of rows in the heading frame, (N, 2), NaN where there is none."""
+    layout = Layout(world.hypotheses)
+    names = ("displacement_along", "displacement_across")
+    measurements = world.deviation * np.stack([layout.read(rows, name) for name in names], axis=-1)
+    measurements[layout.read(rows, "measured") < 0.5] = np.nan
     return measurements
 
 
-def axes_in_rows(
-    layout: Layout,
-    rows: AnyArray,
-    measurements: FloatArray,
-    tau: float,
-) -> FloatArray:
+def axes_in_rows(world: WorldOptions, rows: AnyArray, measurements: FloatArray) -> FloatArray:
     """Return the direction of the axis with the smaller variance in the heading frame, (N, 2),
     cosine and sine of twice its angle. Rows of the first measurement of a segment give it, because
     the published bank whitens its innovations along the axes: the filter of straight motion expects
     the object `speed` times the time ahead.
     """
-    expected = layout.read(rows, "speed") * np.rint(layout.read(rows, "ticks")) * tau
-    innovation = measurements - expected[:, None] * [1.0, 0.0]
+    layout = Layout(world.hypotheses)
+    expected = layout.read(rows, "speed") * np.rint(layout.read(rows, "ticks"))
+    innovation = measurements / world.deviation - expected[:, None] * [1.0, 0.0]
     white = np.stack(
         [layout.read(rows, f"innovation_{axis}")[:, 0] for axis in ("along", "across")], axis=-1
     )
-    log_variance = layout.read(rows, "log_variance")[:, 0] + layout.read(rows, "log_noise")
     # White = W innovation, where W is symmetric and its determinant is known.
     normal = np.stack([-innovation[:, 1], innovation[:, 0]], axis=-1)
-    normal *= np.exp(-0.5 * log_variance)[:, None]
+    normal *= np.exp(-0.5 * layout.read(rows, "log_variance")[:, :1])
     W = white[:, :, None] * white[:, None] + normal[:, :, None] * normal[:, None]
     axis = np.stack([W[:, 0, 0] - W[:, 1, 1], 2.0 * W[:, 0, 1]], axis=-1)
     return np.asarray(axis / np.maximum(np.hypot(*axis.T), 1e-300)[:, None])

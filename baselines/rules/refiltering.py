@@ -97,7 +97,7 @@ class RefilteringDecider(Decider):
         segment, of an episode.
         """
         begun = np.flatnonzero(begins)
-        anchors = stated_anchors(self.layout, rows[begun], self.components)
+        anchors = stated_anchors(self.world, rows[begun], self.components)
         later = ~first[begun]
         if state.errors is not None and later.any():
             tracks = begun[later]

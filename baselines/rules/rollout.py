@@ -7,19 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from baselines.rules.decider import Actions, Observations
+from baselines.rules.decider import ANNOUNCED, Actions, Observations
 from baselines.rules.external import CheckedDecider, ModelDecider, as_decider
 from baselines.scoring.decisions import Decisions
 from baselines.scoring.statements import Statements
 from hybrid_env.checks import AnyArray, BoolArray, FloatArray, Info, check_integer, reject
-from hybrid_env.compiled import TRACE_COLUMNS
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.registration import make_vector_env
 from hybrid_env.vector_env import HybridTrackQuickestVectorEnv
 from hybrid_env.wrappers import NO_DECISION
-
-TRUE_MODE = TRACE_COLUMNS.index("true_mode")
 
 
 @dataclass
@@ -46,7 +43,13 @@ class Tick:
     info: Info
 
 
-def rollout(env: Any, model: Any, seed: int, unfinished: BoolArray | None = None) -> Iterator[Tick]:
+def rollout(
+    env: Any,
+    model: Any,
+    seed: int,
+    unfinished: BoolArray | None = None,
+    decide_every: int = 1,
+) -> Iterator[Tick]:
     """Run a decider on an environment, without end: yield every tick before the decider is asked.
 
     The decider is asked and the environment stepped when the loop goes on.
@@ -58,8 +61,11 @@ def rollout(env: Any, model: Any, seed: int, unfinished: BoolArray | None = None
         seed: of the first track; track i has seed + i, so that deciders can be compared in pairs.
         unfinished: (N,) tracks whose actions still count, written by the body of the loop. Others
             are no longer passed to deciders that can drop tracks. Without it all count.
+        decide_every: ticks between decisions, on an environment that asks at every tick. A decider
+            that reads every row is asked all the same; its other actions have no effect.
     """
     decider = as_decider(model).for_modes(env.options)
+    waits = env.options.switches == ANNOUNCED
     tracks = env.num_envs
     # Tracks passed to the decider.
     ask = CheckedDecider(decider, int(env.single_action_space.n))
@@ -88,7 +94,11 @@ def rollout(env: Any, model: Any, seed: int, unfinished: BoolArray | None = None
         if running.size < tracks:
             seen = seen[running]
             starts = starts[running]
-        answer, now.state = ask(seen, now.state, starts)
+        counts = decision_ticks(env, decide_every)[running]
+        answer = now.actions[..., running] * (not waits)
+        if decider.every_tick or counts.any():
+            asked, now.state = ask(seen, now.state, starts)
+            answer = np.where(counts, asked, answer)
         # With several thresholds the environment follows the first one.
         actions[running] = answer[0] if answer.ndim == 2 else answer
         now.actions = answer if answer.ndim == 2 else actions.copy()
@@ -97,14 +107,23 @@ def rollout(env: Any, model: Any, seed: int, unfinished: BoolArray | None = None
         now.step += 1
 
 
+def decision_ticks(env: Any, decide_every: int) -> BoolArray:
+    """Return whether the present tick of each track is one for a decision, (N,)."""
+    if decide_every == 1:
+        return np.ones(env.num_envs, bool)
+    if env.options.switches != ANNOUNCED:
+        return (env.world.field("time") - 1) % decide_every == 0
+    ticks = env.world.field("tick")
+    return (ticks % decide_every == 0) | (ticks == env.world.field("length"))
+
+
 def statement_env(options: QuickestOptions, tracks: int) -> HybridTrackQuickestVectorEnv:
-    """Return N tracks of one episode each, in which modes are stated."""
+    """Return N tracks of one episode each, in which modes are stated at every tick."""
     return HybridTrackQuickestVectorEnv(
         tracks,
         autoreset_mode="Disabled",
         tick_info=False,
-        trace_rows=options.longest_step,
-        **vars(options),
+        **{**vars(options), "decide_every": 1},
     )
 
 
@@ -115,8 +134,10 @@ def record_statements(decider: Any, tracks: int, seed: int, **options: Any) -> S
         decider, tracks, options: a rule or agent; N; see `hybrid_env.QuickestOptions`.
         seed: of the first track; track i has seed + i, so that deciders can be compared in pairs.
     """
-    make = partial(statement_env, QuickestOptions(**options), tracks)
-    return record_in(make, decider, check_integer("seed", seed, minimum=0))[0]
+    given = QuickestOptions(**options)
+    make = partial(statement_env, given, tracks)
+    first = check_integer("seed", seed, minimum=0)
+    return record_in(make, decider, first, decide_every=given.decide_every)[0]
 
 
 def record_in(
@@ -124,24 +145,32 @@ def record_in(
     decider: Any,
     seed: int,
     thresholds: Sequence[float] | None = None,
+    decide_every: int = 1,
 ) -> list[Statements]:
     """Return the statements of a decider at some thresholds, or at its own, as
     `record_statements`.
 
-    The environment is what `make` returns; its world has a trace of every step.
+    The environment is what `make` returns; it asks at every tick, and its world has the field
+    `true_mode`. A statement holds for `decide_every` ticks.
     """
     if thresholds is not None:
         at_once = decider.sweeps and len(thresholds) > 1
         deciders = [decider.at(thresholds)] if at_once else map(decider.at, thresholds)
-        return [statements for each in deciders for statements in record_in(make, each, seed)]
+        return [
+            statements
+            for each in deciders
+            for statements in record_in(make, each, seed, decide_every=decide_every)
+        ]
     env = make()
     decider = as_decider(decider)
-    every = env.options.decide_every
     true_modes = np.empty((env.options.ticks, env.num_envs), int)
     stated_modes = np.empty((np.size(decider.threshold), *true_modes.shape), int)
-    for now in rollout(env, decider, seed):
+    for now in rollout(env, decider, seed, decide_every=decide_every):
         if now.step:
-            stated_modes[:, (now.step - 1) * every : now.step * every] = now.actions
+            stated_modes[:, now.step - 1] = now.actions
+        if now.step == len(true_modes):
+            break
+        true_modes[now.step] = env.world.field("true_mode")
     return [Statements(true_modes, stated) for stated in stated_modes]
 
 
@@ -173,17 +202,22 @@ def evaluate(
     trained = getattr(model, "action_space", None) == given.single_action_space
     if not trained and given.options.actions == "best":
         raise reject("actions", "best", "'all' or 'types': deciders declare hypotheses")
+    every = given.options.decide_every
+    if as_decider(decider).every_tick:
+        options = options | {"decide_every": 1}
     env = make_vector_env(
         env_id,
         episodes,
         **(options if trained else options | {"actions": "all"}),
     )
+    # Between decisions that the environment does not ask for.
+    every = every if env.options.decide_every < every else 1
     segments = env.options.segments
     recorded = {name: np.full((episodes, segments), value) for name, value in NO_DECISION.items()}
     # Decisions of each track so far.
     finished = np.zeros(episodes, int)
     unfinished = np.ones(episodes, bool)
-    for now in rollout(env, decider, seed, unfinished):
+    for now in rollout(env, decider, seed, unfinished, every):
         decided = now.info.get("_decided_mode") if now.step else None
         if decided is None:
             continue

@@ -383,7 +383,7 @@ def write_rows(
     for lane in range(first, last):
         row = arrays.observations[b * LANES + lane]
         if rare is not None and setting.observation != BANK_ROW:
-            write_twin(row, block, lane, setting)
+            write_twin(row, block, lane, bank, setting)
             continue
         if begun & (1 << lane):
             write_segment(row, block, lane, arrays.curvatures, setting)

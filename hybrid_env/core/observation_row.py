@@ -25,12 +25,15 @@ NEGLIGIBLE = -100.0
 
 # Scales that bring typical values to the order of one.
 LOG_SCALE = 0.1
+VELOCITY_SCALE = 10.0
 TICK_SCALE = 0.01
 LENGTH_SCALE = 0.1
 
-OBSERVATIONS = ("bank", "raw", "state")
-"""What a row holds: the output of the bank, the measurement alone, or the true state."""
-BANK_ROW, RAW_ROW, STATE_ROW = range(len(OBSERVATIONS))
+OBSERVATIONS = ("bank", "raw", "state", "innovations")
+"""What a row holds: the output of the bank, the measurement alone, the true state, or the
+innovations alone.
+"""
+BANK_ROW, RAW_ROW, STATE_ROW, INNOVATIONS_ROW = range(len(OBSERVATIONS))
 
 
 @formula
@@ -66,6 +69,20 @@ def _displacement(block: Any, lane: int, x: float, y: float, setting: Any) -> tu
         block.heading[1, lane],
     )
     return LENGTH_SCALE * along, LENGTH_SCALE * across
+
+
+@formula
+def _measured(block: Any, lane: int, setting: Any) -> float:
+    """Return 1 if the present tick has a measurement, else 0."""
+    return 0.0 if setting.irregular and math.isnan(block.measurement[0, lane]) else 1.0
+
+
+@formula
+def _log_noise(block: Any, lane: int, setting: Any) -> float:
+    """Return ln of the variance of the measurement over R, mean of the axes; 0 without one."""
+    if not setting.irregular or math.isnan(block.measurement[0, lane]):
+        return 0.0
+    return 0.5 * log(max(block.noise[0, lane] * block.noise[2, lane], 1e-300))
 
 
 @inlined
@@ -104,22 +121,25 @@ def write_segment(
     curvatures: FloatArray,
     setting: Any,
 ) -> None:
-    """Write the values that are constant over a segment. row: (6 M + 10,); curvatures: (M,) [1/m];
+    """Write the values that are constant over a segment. row: (6 M + 11,); curvatures: (M,) [1/m];
     setting: record `PARAMETERS`.
     """
     M = curvatures.size
+    way = setting.tau * block.speed[lane]
     for h in range(M):
         row[4 * M + h] = 1.0 if h == block.active_mode[lane] else 0.0
-        row[5 * M + h] = curvatures[h]
+        row[5 * M + h] = min(max(way * curvatures[h], -LARGEST_ANCHOR), LARGEST_ANCHOR)
     # In the order of `Layout.track_features`.
     singles = row[6 * M :]
     kept, variance_x, variance_y = block.covariance, setting.variance_x, setting.variance_y
-    singles[3] = min(block.speed[lane], LARGEST_ANCHOR)
+    singles[3] = min(way * setting.noise_whitener, LARGEST_ANCHOR)
+    ticks = VELOCITY_SCALE * setting.tau
     xx = mean_over_noise(kept[0, lane], kept[7, lane], variance_x, variance_y)
     vv = mean_over_noise(kept[4, lane], kept[9, lane], variance_x, variance_y)
-    singles[6], singles[8] = max(xx, 0.0), max(vv, 0.0)
-    singles[7] = mean_over_noise(kept[1, lane], kept[8, lane], variance_x, variance_y)
-    singles[9] = setting.log_noise
+    xv = mean_over_noise(kept[1, lane], kept[8, lane], variance_x, variance_y)
+    singles[6] = max(xx, 0.0)
+    singles[7] = min(max(ticks * xv, -LARGEST_ANCHOR), LARGEST_ANCHOR)
+    singles[8] = min(max(ticks * ticks * vv, 0.0), LARGEST_ANCHOR)
 
 
 @inlined
@@ -198,33 +218,46 @@ def mask_declarations(mask: NDArray[np.int8], scratch: Any, lane: int, setting: 
 
 
 @internal
-def write_twin(row: NDArray[np.float32], block: Any, lane: int, setting: Any) -> None:
+def write_twin(row: NDArray[np.float32], block: Any, lane: int, bank: Any, setting: Any) -> None:
     """Write the row of a track at a tick where it is not that of the bank: the measurement alone,
-    see `RawLayout`, or the true mode and state, of a problem that is fully observed, see
-    `StateLayout`.
+    see `RawLayout`; the true mode and state, of a problem that is fully observed, see
+    `StateLayout`; or the innovations alone, see `InnovationsLayout`.
     """
     ticks = TICK_SCALE * block.tick[lane]
     ticks_left = TICK_SCALE * (block.length[lane] - block.tick[lane])
     if setting.observation == RAW_ROW:
         x, y = block.measurement[0, lane], block.measurement[1, lane]
-        missing = math.isnan(x)
-        if missing:
+        if math.isnan(x):
             x, y = block.anchor[0, lane], block.anchor[2, lane]
         row[0], row[1] = _displacement(block, lane, x, y, setting)
-        row[2] = 0.0 if missing else 1.0
+        row[2] = _measured(block, lane, setting)
         row[3], row[4] = ticks, ticks_left
-        row[5] = min(block.speed[lane], LARGEST_ANCHOR)
-        row[6] = setting.log_noise
+        row[5] = min(setting.tau * block.speed[lane] * setting.noise_whitener, LARGEST_ANCHOR)
+        row[6] = _log_noise(block, lane, setting)
         return
     modes = setting.modes
+    if setting.observation == INNOVATIONS_ROW:
+        heading_x, heading_y = block.heading[0, lane], block.heading[1, lane]
+        for h in range(modes):
+            row[h], row[modes + h] = innovation_in_frame(
+                bank.innovations[h], lane, heading_x, heading_y
+            )
+            row[2 * modes + h] = 1.0 if h == block.active_mode[lane] else 0.0
+        singles = row[3 * modes :]
+        singles[0], singles[1] = ticks, ticks_left
+        singles[2] = _measured(block, lane, setting)
+        return
     for mode in range(modes):
         row[mode] = 1.0 if mode == block.true_mode[lane] else 0.0
     singles = row[modes:]
     x, u, y, v = state_of(block.truth, lane)
     singles[0], singles[1] = _displacement(block, lane, x, y, setting)
-    singles[2], singles[3] = heading_frame(u, v, block.heading[0, lane], block.heading[1, lane])
+    per_tick = setting.tau * setting.noise_whitener
+    singles[2], singles[3] = heading_frame(
+        per_tick * u, per_tick * v, block.heading[0, lane], block.heading[1, lane]
+    )
     singles[4], singles[5] = ticks, ticks_left
-    singles[6] = setting.log_noise
+    singles[6] = _log_noise(block, lane, setting)
 
 
 @internal
@@ -236,7 +269,7 @@ def write_tick(
     bank: Any,
     setting: Any,
 ) -> None:
-    """Write the values of a row, (6 M + 10,), that change with every tick, after
+    """Write the values of a row, (6 M + 11,), that change with every tick, after
     `compare_hypotheses`.
     """
     M = bank.hypotheses.size
@@ -259,6 +292,8 @@ def write_tick(
     if setting.irregular and math.isnan(x):
         x, _, y, _ = estimate_of(bank.hypotheses, likeliest(bank.hypotheses, lane), lane)
     singles[4], singles[5] = _displacement(block, lane, x, y, setting)
+    singles[9] = _log_noise(block, lane, setting)
+    singles[10] = _measured(block, lane, setting)
 
 
 @internal
@@ -269,7 +304,7 @@ def write_quickest_row(
     bank: Any,
     setting: Any,
 ) -> None:
-    """Write the observation of a track with unknown switches, (6 M + 2,)."""
+    """Write the observation of a track with unknown switches, (6 M + 3,)."""
     M = bank.hypotheses.size
     speed, heading_x, heading_y = heading_vector(block.estimate[1, lane], block.estimate[3, lane])
     largest = bank.hypotheses[0].log_likelihood[lane]
@@ -286,5 +321,6 @@ def write_quickest_row(
         row[5 * M + h] = (
             1.0 if block.stated_ticks[lane] > 0 and block.stated_mode[lane] == h else 0.0
         )
-    row[6 * M] = min(speed, LARGEST_ANCHOR)
+    row[6 * M] = min(setting.tau * speed * setting.noise_whitener, LARGEST_ANCHOR)
     row[6 * M + 1] = TICK_SCALE * block.stated_ticks[lane]
+    row[6 * M + 2] = _measured(block, lane, setting)

@@ -129,9 +129,9 @@ def filter_sides(hypotheses: int) -> Rows:
     return np.concatenate([[1.0, -1.0], sides(hypotheses)[1:]])
 
 
-def filter_inputs(rows: Rows, tau: float) -> tuple[Rows]:
-    """Return the inputs of the M + 1 filters of each track, (N, M + 1, 9), from rows (N, width)
-    and the tick tau [s].
+def filter_inputs(rows: Rows) -> tuple[Rows]:
+    """Return the inputs of the M + 1 filters of each track, (N, M + 1, 9), from rows (N,
+    width).
 
     A filter estimates the deviation from the path that its hypothesis predicts from the anchor,
     along and across this path, in deviations of the measurement noise. A mirrored trajectory gives
@@ -141,8 +141,8 @@ def filter_inputs(rows: Rows, tau: float) -> tuple[Rows]:
     layout = Layout.of_rows(rows)
     read = {name: layout.read(rows, name) for name in layout.slices}
     smallest = 1e-12
-    speed = np.maximum(read["speed"] * tau * np.exp(-0.5 * read["log_noise"]), smallest)[:, None]
-    turn = np.abs(read["curvature"]) * (read["speed"] * tau)[:, None]
+    speed = np.maximum(read["speed"], smallest)[:, None]
+    turn = np.abs(read["turn_angle"])
     turn = np.concatenate([turn[:, :1], turn], -1)
     angle = turn * read["ticks"][:, None]
     way = speed * read["ticks"][:, None]
@@ -152,7 +152,7 @@ def filter_inputs(rows: Rows, tau: float) -> tuple[Rows]:
         - 0.5 * way * angle * np.sinc(0.5 * angle / np.pi) ** 2
     )
     cosine, sine = np.cos(angle), np.sin(angle)
-    xx, xv, vv = read["anchor_xx"], read["anchor_xv"] * tau, read["anchor_vv"] * tau * tau
+    xx, xv, vv = read["anchor_xx"], read["anchor_xv"], read["anchor_vv"]
     scale = np.sqrt(np.maximum(1.0 + xx + 2.0 * xv + vv, 1.0))
     of_track = [
         scale,
@@ -242,7 +242,7 @@ class KalmanDecider(SegmentDecider):
     network = KalmanBank
 
     def advance(self, rows: Rows, ticks: Tensor, state: Any) -> tuple[Tensor, Any]:
-        inputs = torch.from_numpy(filter_inputs(rows, self.world.tau)[0])
+        inputs = torch.from_numpy(filter_inputs(rows)[0])
         last = self.net.begin(inputs), inputs.new_zeros(inputs.shape[:-1])
         if state is not None:
             last = where(ticks > 1, state, last)
@@ -257,7 +257,7 @@ class Kalman(SegmentAlgorithm):
     decider = KalmanDecider
 
     def inputs(self, rows: Rows, lengths: NDArray[np.int64]) -> tuple[Rows]:
-        return filter_inputs(rows, self.world.tau)
+        return filter_inputs(rows)
 
     def loss(self, inputs: list[Tensor], segments: Segments) -> Tensor:
         """Return the negative log-likelihood of a measurement by the true filter, and the

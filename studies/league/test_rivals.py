@@ -75,7 +75,7 @@ def test_a_decision_after_every_row_is_that_of_whole_segments_and_mirrored(name,
     for block in layout.slices.values():
         if block.stop - block.start == len(mirror):
             mirrored[:, block] = mirrored[:, block][:, mirror]
-    for odd in ("displacement_across", "innovation_across", "curvature"):
+    for odd in ("displacement_across", "innovation_across", "turn_angle"):
         mirrored[:, layout.slices[odd]] *= -1.0
     plain, other = (agent.posterior(each, None, None)[0] for each in (rows, mirrored))
     np.testing.assert_allclose(plain, other[:, mirror], atol=1e-5)
