@@ -31,8 +31,8 @@ class HybridTrackQuickestEnv(TrackEnv):
     The observation is a float32 `Box` of shape `(6 M + 3,)`: six blocks of M values, one per
     hypothesis, followed by three scalars. Each quantity is multiplied by its scale, which Min and
     Max do not include; `hybrid_env.QuickestLayout` reads quantities by name and removes the scale.
-    R is the geometric mean of the two measurement variances. "Along" and "across" (positive to the left)
-    refer to the heading of the merged estimate of the bank.
+    R is the geometric mean of the two measurement variances. "Along" and "across" (positive to the
+    left) refer to the heading of the merged estimate of the bank.
 
     | Num | Name | Observation | Min | Max | Scale |
     |---|---|---|---|---|---|

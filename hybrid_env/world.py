@@ -319,7 +319,8 @@ class World:
         low, high = np.outer([-unbounded, unbounded], np.ones(self.layout.width)).astype(np.float32)
         for name, place in self.layout.slices.items():
             if name in bounds:
-                low[place], high[place] = np.multiply(self.layout.scales[name], bounds[name])
+                scaled = np.multiply(self.layout.scales[name], bounds[name])
+                low[place], high[place] = scaled.clip(-unbounded, unbounded)
         return spaces.Box(low, high, dtype=np.float32)
 
 

@@ -37,8 +37,6 @@ class StoppingSettings(WorldsSettings):
     passes: Count
     # Bounds of the delay cost; half of the environments have one drawn between them.
     delay_costs: Factors = (0.003, 0.05)
-    # Largest number of ticks between decisions; half of the environments have one from 1 on.
-    most_ticks: Count = 12
     # Agent whose other networks are used, with as many hidden units; or its run folder.
     agent: str = "shipped"
 
@@ -65,17 +63,12 @@ class Stopping(WorldsAlgorithm):
         return network
 
     def changed_world(self, world: WorldOptions, generator: np.random.Generator) -> WorldOptions:
-        """See `WorldsAlgorithm.changed_world`: half of the environments have another delay cost,
-        and half of them other ticks between decisions.
-        """
-        changes: dict[str, Any] = {}
-        if generator.random() < 0.5:
-            costs = self.settings.delay_costs
-            changes["delay_cost"] = float(log_uniform(generator, min(costs), max(costs)))
-        if generator.random() < 0.5:
-            longest = min(self.settings.most_ticks, world.shortest_segment)
-            changes["decide_every"] = round(log_uniform(generator, 1, longest))
-        return WorldOptions(**{**vars(world), **changes})
+        """See `WorldsAlgorithm.changed_world`: half of the environments have another delay cost."""
+        if generator.random() >= 0.5:
+            return world
+        costs = self.settings.delay_costs
+        cost = float(log_uniform(generator, min(costs), max(costs)))
+        return WorldOptions(**{**vars(world), "delay_cost": cost})
 
     def draw_margins(self, generator: np.random.Generator, tracks: int) -> FloatArray:
         """See `WorldsAlgorithm.draw_margins`: infinite where a segment runs to its end."""
@@ -113,7 +106,7 @@ def paths_of(explorer: Explorer) -> tuple[Float32Array, Float32Array, IntArray]:
     """Run the episodes of an agent in training; return the S segments that ran to their ends.
 
     Returns:
-        (n, 31) inputs of the network, one segment after the other; (n,) rewards of a declaration
+        (n, 30) inputs of the network, one segment after the other; (n,) rewards of a declaration
         at each decision, what it costs in the next segment included; and (S,) numbers of decisions.
     """
     env, world = explorer.env, explorer.world

@@ -15,7 +15,7 @@ ANNOUNCED = [
     pytest.param({}, id="published"),
     pytest.param(AWARE, id="anchor-aware"),
     pytest.param(AWARE | {"evidence": 0.9}, id="mask"),
-    pytest.param(dict(ENVIRONMENTS["HybridTrackBank-v0"]), id="types"),
+    pytest.param(ENVIRONMENTS["HybridTrackBank-v0"] | {"decide_every": 1}, id="types"),
     pytest.param({"observation": "raw", "missed": 0.2}, id="raw, missing ticks"),
     pytest.param({"observation": "state"}, id="state"),
     pytest.param({"modes": "straight, left 5, stop"}, id="own modes"),
@@ -50,7 +50,7 @@ def left_of(env):
 @pytest.mark.parametrize("options", ANNOUNCED)
 def test_episodes_are_those_of_an_agent_that_waits_between(options):
     every = 5
-    env = HybridTrackEnv(decide_every=every, **options)
+    env = HybridTrackEnv(**options | {"decide_every": every})
 
     def act(row):
         # A function of the row, so that both environments see the same actions.
@@ -97,7 +97,7 @@ def test_statements_hold_for_so_many_ticks():
 
 @pytest.mark.parametrize("options", ANNOUNCED)
 def test_a_vector_equals_single_environments(options):
-    options = {"decide_every": 4, **options}
+    options = options | {"decide_every": 4}
     vector = HybridTrackVectorEnv(3, **options)
     rows, _ = vector.reset(seed=5)
     singles = [HybridTrackEnv(**options) for _ in range(3)]

@@ -117,19 +117,21 @@ def test_info_and_observation_equal_those_of_a_separate_bank():
         posterior /= posterior.sum()
         log_error = np.log(np.delete(posterior, posterior.argmax()).sum())
         curvature = np.concatenate([[0.0], 1 / np.array(radii), -1 / np.array(radii)])
+        way = 0.1 * np.hypot(anchor[1], anchor[3])
         expected = {
             "log_ratio": np.maximum(log_likelihood - log_likelihood.max(), -30),
             "innovation_along": white @ heading,
             "innovation_across": white @ [-heading[1], heading[0]],
             "log_variance": np.log(variances / R).mean(1),
             "previous": np.eye(len(curvature))[previous],
-            "curvature": curvature,
+            "turn_angle": way * curvature,
             "ticks": info["tick"],
             "log_error_probability": max(log_error, -30),
-            "speed": np.hypot(anchor[1], anchor[3]),
+            "speed": way / np.sqrt(np.sqrt(R.prod())),
             "displacement_along": shift @ heading,
             "displacement_across": shift @ [-heading[1], heading[0]],
-            "log_noise": np.log(R).mean(),
+            "log_noise": 0.0,
+            "measured": 1.0,
         }
         for name, value in expected.items():
             np.testing.assert_allclose(

@@ -189,6 +189,7 @@ def test_a_fixed_scheme_moves_and_stops_the_object():
     env = gym.make(
         "hybrid_env:HybridTrack-v0",
         modes="straight, stop, accelerate 0.5",
+        decide_every=1,
         scheme="50 straight, 30 stop, 40 accelerate 0.5",
         process_variance=0.0,
         heading=0.0,
@@ -329,7 +330,8 @@ def test_a_mode_outside_the_types_of_the_keys_has_none():
 
 
 def test_the_modes_of_the_page_move_the_object_as_it_says():
-    boat = run_page()["boat"].unwrapped
+    options = vars(run_page()["boat"].unwrapped.options)
+    boat = HybridTrackEnv(**options | {"decide_every": 1})
     assert boat.options.type_names == ("straight", "stop", "drag", "current")
     _, info = boat.reset(seed=1)
     speeds = {}

@@ -1,16 +1,23 @@
-"""The rows of the bank, of the measurement alone and of the true state belong to the same
-episodes.
+"""The rows of the bank, of the measurement, of the innovations and of the true state belong to
+the same episodes.
 """
 
 import numpy as np
 
-from hybrid_env import HybridTrackVectorEnv, Layout, RawLayout, StateLayout
+from hybrid_env import (
+    HybridTrackVectorEnv,
+    InnovationsLayout,
+    Layout,
+    RawLayout,
+    StateLayout,
+)
 from hybrid_env.registration import BANK_RADII
 
 TWINS = {
     "bank": Layout,
     "raw": RawLayout,
     "state": StateLayout,
+    "innovations": InnovationsLayout,
 }
 MEASURED = {"missed": 0.4, "measurement_variance": (0.05, 0.4)}
 
@@ -40,6 +47,7 @@ def test_twins_have_the_same_episodes_and_every_row_is_in_its_space():
         )
         for name in TWINS
     ]
+    layouts = [env.world.layout for env in envs]
     results = [env.reset(seed=6) for env in envs]
     generator = np.random.default_rng(1)
     episodes = 0
@@ -47,6 +55,11 @@ def test_twins_have_the_same_episodes_and_every_row_is_in_its_space():
         for (rows, *others), env in zip(results, envs, strict=True):
             assert env.observation_space.contains(rows)
             np.testing.assert_equal(others, list(results[0][1:]))
+        bank, alone = results[0][0], results[-1][0]
+        for name in (*InnovationsLayout.hypothesis_features, *InnovationsLayout.track_features):
+            np.testing.assert_array_equal(
+                layouts[-1].read(alone, name), layouts[0].read(bank, name)
+            )
         declares = generator.random(tracks) < 0.2
         actions = declares * generator.integers(0, envs[0].single_action_space.n, tracks)
         results = [env.step(actions) for env in envs]
@@ -81,15 +94,15 @@ def test_the_layouts_read_the_true_state_and_the_measurement_relative_to_the_anc
             (info["measurement"] - anchor[:, places]) / np.sqrt(R),
             anchor,
         )
-        common = {"ticks": tick, "ticks_left": 12 - tick, "log_noise": np.log(R)}
+        common = {"ticks": tick, "ticks_left": 12 - tick, "log_noise": 0.0}
         of_raw = common | {
             "displacement_along": np.where(missing, 0.0, along),
             "displacement_across": np.where(missing, 0.0, across),
             "measured": 1.0 - missing,
-            "speed": np.hypot(anchor[:, 1], anchor[:, 3]),
+            "speed": 0.1 * np.hypot(anchor[:, 1], anchor[:, 3]) / np.sqrt(R),
         }
         position = in_heading_frame((truth - anchor)[:, places] / np.sqrt(R), anchor)
-        velocity = in_heading_frame(truth[:, [1, 3]], anchor)
+        velocity = in_heading_frame(0.1 * truth[:, [1, 3]] / np.sqrt(R), anchor)
         of_state = common | {
             "position_along": position[0],
             "position_across": position[1],
@@ -108,3 +121,37 @@ def test_the_layouts_read_the_true_state_and_the_measurement_relative_to_the_anc
         (raw_rows, *_, info), (state_rows, *_) = raw.step(wait), state.step(wait)
 
     assert (info["segment"] == 1).all()
+
+
+def test_rows_are_the_same_in_any_units():
+    metre, second = 1e-3, 1 / 3600
+    quantities = {
+        "radii": ((2.0, 5.0), metre),
+        "speed": (2.0, metre / second),
+        "tau": (0.1, second),
+        "process_variance": (0.001, (metre / second) ** 2),
+        "measurement_variance": (0.1, metre**2),
+    }
+    for name in TWINS:
+        rows = []
+        for scaled in (False, True):
+            options = {
+                key: tuple(np.multiply(value, unit if scaled else 1.0).tolist())
+                if key == "radii"
+                else value * (unit if scaled else 1.0)
+                for key, (value, unit) in quantities.items()
+            }
+            velocity = 0.02 * ((metre / second) ** 2 if scaled else 1.0)
+            env = HybridTrackVectorEnv(
+                5,
+                bank="anchor_aware",
+                follow="bank",
+                observation=name,
+                initial_error=(0.3, velocity),
+                missed=0.1,
+                **options,
+            )
+            seen = [env.reset(seed=3)[0]]
+            seen += [env.step(np.full(5, k % 9 == 8, np.int64))[0] for k in range(40)]
+            rows.append(np.stack(seen))
+        np.testing.assert_allclose(rows[1], rows[0], rtol=2e-4, atol=2e-4)

@@ -14,7 +14,7 @@ BANK = tuple(float(radius) for radius in range(1, 11))
 DIGESTS = [
     pytest.param(
         {},
-        "3606773566ce64340b8cd8d79c8209cfd184160a3089c7e09050e1b80d65a68b",
+        "56ca39acb9d6da25257db8524892229ded054f926e517dace08637971adb3bdc",
         id="default",
     ),
     pytest.param(
@@ -23,7 +23,7 @@ DIGESTS = [
             "noise": "outliers 0.1",
             "radii": (3.0, 8.0),
         },
-        "7dfc38ec40d304a3b3b0f689c143b3204d914f5c3c723dbac68766ffb4fb14bc",
+        "6b0be7f4e80051f30622a26d9e31733e51a7b1185a1192c0230fe45f7f35db4b",
         id="two noises, outliers",
     ),
     pytest.param(
@@ -32,12 +32,12 @@ DIGESTS = [
             "correctness": "type",
             "delay_cost": 0.01,
         },
-        "7ac5fac3a66d702b4381bbe49ab713de8cc4a91e7fd13167f592e10d98fbc0d1",
+        "d9c5d8cf8949eaf7b00e39049668e40e0f0304c8adbf1062434a2b20b845aeed",
         id="21 hypotheses",
     ),
     pytest.param(
         {"bank": "anchor_aware"},
-        "82b4671b3c1ac61df7e49b64602cf413181303b81775e42a37111d4807903ef1",
+        "5f1fe59bd1f53a364aa0d1ec711cbd1a2d0aa6708070bbbfa2cf075b124a8069",
         id="anchor-aware",
     ),
     pytest.param(
@@ -47,12 +47,12 @@ DIGESTS = [
             "correctness": "type",
             "measurement_variance": 1.0,
         },
-        "a325df21adaaa52e7fef00ab8e0bf72d44497eaf0f074a94a01a27de56cc51d2",
+        "7b049730561776e50cdb6c3689cbc0ca8b13400355de84373ed7ec4c16e49676",
         id="anchor-aware, 21 hypotheses",
     ),
     pytest.param(
         {"bank": "oracle", "measurement_variance": 0.01},
-        "873b41c83c900a5bcae787e64de7654652f0602489d9efb46e1bab677dc71a69",
+        "43b6fa21c005ec6d2a7d3a1c55c5cdf5d12a4a8832ef6f8b61e15afc633497df",
         id="oracle",
     ),
     pytest.param(
@@ -63,7 +63,7 @@ DIGESTS = [
             "initial_error": 0,
             "heading": 0.3,
         },
-        "9631cd0d1f6c1b57dd455c4568da70167d28dfd6bcb8f1c20100a805952d63df",
+        "89d8f0789b27fce797b3407932460999d28ec591f8093075c909f97f1afb06c1",
         id="fixed scheme",
     ),
     pytest.param(
@@ -74,17 +74,17 @@ DIGESTS = [
             "process_variance": 0.01,
             "actions": "best",
         },
-        "e3915817cf9a6938acc9de6c8b3c8da7b351d83cce9e551cb653229f5b8aacdc",
+        "b7e3a68f6861a82bcff4d662de10795e665fb1f4c2406e16354a8d307a8c0441",
         id="kept covariance",
     ),
     pytest.param(
         {"bank": "anchor_aware", "evidence": 0.95},
-        "d714b3d8b2fb0f90ae6beae4a37bd6811491b506c8cb8350bb0afe3bb7a01033",
+        "3add87395cad8516a2965c3523e064e12a0a5885be637895bffdd54bb6eb94a7",
         id="evidence",
     ),
     pytest.param(
         dict(ENVIRONMENTS["HybridTrackBank-v0"]),
-        "f012dafd6cf1d3df8bc507f91be0cfc0b816ec94a8adfc0bd4d764e8776bd35e",
+        "f8e92b61d1fdf0926f5cf9793f62af730d8b64f52b26291a0d4126a2fe206237",
         id="types that follow the bank",
     ),
 ]
@@ -115,7 +115,7 @@ def test_observations_and_rewards_have_the_recorded_digest(options, digest):
 QUICKEST_DIGESTS = [
     pytest.param(
         {},
-        "c011e5cb83613cd37f5d765d058ab082a310780f6608a15c5703e7a307d466af",
+        "4bcac9d72774f4b61a2e9e1c7ec09628d72aeda690dfce7f3e838ecbd329df94",
         id="default",
     ),
     pytest.param(
@@ -128,7 +128,7 @@ QUICKEST_DIGESTS = [
             "noise": "outliers 0.1",
             "hazard": 0.05,
         },
-        "557f846bc4361152a1231915def61bbf0badc153b4365910f6b6c22a84eb6ff1",
+        "68ce5019fab7e00dd9203052ee5c2036c6301b17582e3fd9b5b640876cd2cfb1",
         id="other options",
     ),
 ]
