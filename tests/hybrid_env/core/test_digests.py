@@ -84,7 +84,7 @@ DIGESTS = [
     ),
     pytest.param(
         dict(ENVIRONMENTS["HybridTrackBank-v0"]),
-        "f8e92b61d1fdf0926f5cf9793f62af730d8b64f52b26291a0d4126a2fe206237",
+        "3e351fdde7cadc76e5e1762d0342e288738d08fb1960becc5c8eab6ba1b101ea",
         id="types that follow the bank",
     ),
 ]
