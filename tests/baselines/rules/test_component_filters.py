@@ -8,7 +8,7 @@ import numpy as np
 from matrix_filters import MatrixExtendedKalmanFilter
 from scipy.special import log_softmax, logsumexp
 
-from baselines.rules.component_filters import LAWS, ComponentFilters, stated_anchors
+from baselines.rules.component_filters import LAWS, ComponentFilters, speeds, stated_anchors
 from baselines.rules.measurements import in_rows, observe_sensed, split_sensed
 from hybrid_env import HybridTrackVectorEnv, Layout, Radar, Sensor
 
@@ -22,7 +22,7 @@ SPOILED = {
 
 
 def recorded(**options):
-    """Return world, layout and rows (TICKS, TRACKS, width), with outliers in every second track."""
+    """Return world and rows (TICKS, TRACKS, width), with outliers in every second track."""
     env = HybridTrackVectorEnv(
         TRACKS,
         radii=(3.0, 8.0),
@@ -41,7 +41,7 @@ def recorded(**options):
             strict=True,
         ):
             rows[tick][::2, layout.slices[name]] += deviations * layout.scales[name]
-    return env.options, layout, rows
+    return env.options, rows
 
 
 def reference(world, speed, covariance, measurements, R, law):
@@ -81,7 +81,7 @@ def reference(world, speed, covariance, measurements, R, law):
 
 def test_robust_filters_equal_matrix_filters():
     x, y = 0.02, 0.4
-    world, layout, rows = recorded(measurement_variance=(x, y), missed=0.3)
+    world, rows = recorded(measurement_variance=(x, y), missed=0.3)
     filters = ComponentFilters(
         "anchor_aware",
         1,
@@ -89,7 +89,7 @@ def test_robust_filters_equal_matrix_filters():
         world,
         robust=True,
     )
-    anchors = stated_anchors(layout, rows[0])
+    anchors = stated_anchors(world, rows[0])
     ours = []
     none = np.zeros(TRACKS, np.bool_)
     for tick, row in enumerate(rows):
@@ -108,20 +108,11 @@ def test_robust_filters_equal_matrix_filters():
         none,
     )
     axes = [(x, y), (y, x), ((x + y) / 2, (x + y) / 2)]
-    measurements = np.array(
-        [
-            in_rows(
-                layout,
-                row,
-                True,
-            )
-            for row in rows
-        ]
-    )
-    speeds = layout.read(rows[0], "speed").astype(float)
+    measurements = np.array([in_rows(world, row) for row in rows])
+    begun = speeds(world, rows[0])
     total = 0
     for track in range(4):
-        of_track = world, speeds[track], anchors.covariance[track, 0], measurements[:, track]
+        of_track = world, begun[track], anchors.covariance[track, 0], measurements[:, track]
         by_law = []
         for law in LAWS:
             each, outliers = zip(
@@ -187,7 +178,7 @@ def test_with_sensors_the_filters_equal_the_bank():
         filters.advance(
             rows,
             np.full(TRACKS, tick == 0),
-            stated_anchors(layout, rows),
+            stated_anchors(env.options, rows),
             none,
             sensed,
         )

@@ -7,11 +7,11 @@ from scipy.stats import chi2
 
 from agents.algorithms.anchor import anchor_errors
 from baselines.rules.anchor_errors import AnchorErrors
-from baselines.rules.component_filters import ComponentFilters, stated_anchors
+from baselines.rules.component_filters import ComponentFilters, speeds, stated_anchors
 from baselines.rules.measurements import axes_in_rows, in_rows, split_sensed
 from baselines.rules.refiltering import RefilteringDecider
 from baselines.rules.rollout import rollout
-from hybrid_env import HybridTrackVectorEnv, Layout
+from hybrid_env import HybridTrackVectorEnv
 
 TICKS = 12
 H = np.eye(4)[[0, 2]]
@@ -71,17 +71,17 @@ def test_the_error_equals_the_one_in_matrix_form(declared, true_mode):
     errors = AnchorErrors(2, world)
     begins = np.ones(2, np.bool_)
     prior = np.diag([0.04, 0.03, 0.05, 0.02])
-    speed = float(layout.read(rows, "speed")[0])
+    speed = float(speeds(world, rows)[0])
     start = (0.0, speed, 0.0, 0.0)
     model = world.tau, world.process_variance, np.full(2, world.measurement_variance)
     kalman = MatrixExtendedKalmanFilter(start, prior, radii[true_mode], *model)
     bank = MatrixKalmanFilter(start, np.eye(4), radii[declared], *model)
-    anchors = stated_anchors(layout, rows)
+    anchors = stated_anchors(world, rows)
     anchors.covariance[:] = prior
     for _ in range(TICKS):
         filters.advance(rows, begins, anchors, begins)
         errors.advance(rows, begins, None)
-        measurement = in_rows(layout, rows, False)[0]
+        measurement = in_rows(world, rows)[0]
         kalman.step(measurement)
         bank.step(measurement)
         left = int(np.rint(layout.read(rows, "ticks_left")[0]))
@@ -211,8 +211,7 @@ def test_squared_errors_are_four_but_with_outliers_near_radars_and_range_rates(a
 def test_the_rows_tell_the_axes_of_the_measurement_noise():
     env = HybridTrackVectorEnv(40, measurement_variance=(0.02, 0.5), radii=(3.0, 8.0))
     rows, _ = env.reset(seed=2)
-    layout = Layout.of_rows(rows)
-    axes = axes_in_rows(layout, rows, in_rows(layout, rows, False), env.options.tau)
+    axes = axes_in_rows(env.options, rows, in_rows(env.options, rows))
     c, s = env.world.field("heading").T
     # x, which has the smaller variance, lies at minus the heading.
     np.testing.assert_allclose(axes, np.stack([c**2 - s**2, -2 * c * s], axis=-1), atol=2e-3)
