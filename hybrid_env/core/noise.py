@@ -13,6 +13,7 @@ import numpy as np
 from numba import carray, cfunc, njit, types
 from numpy.typing import NDArray
 
+from hybrid_env.checks import ArgumentError
 from hybrid_env.core.compilation import formula, inlined, internal
 from hybrid_env.core.elementary import ONE, exp, float_of, log, sine_cosine
 from hybrid_env.core.memory import LANES, FloatArray, address_as
@@ -144,7 +145,8 @@ def _to_noise(noise: FloatArray, first: int, last: int, setting: Any, rare: bool
     elif rare is not None and setting.noise_law == STUDENT_T:
         _to_student(noise, first, last, setting)
     elif rare is not None and setting.noise_law == OWN:
-        _function_at(setting.noise_function)(noise.ctypes, first, last)
+        if not _function_at(setting.noise_function)(noise.ctypes, first, last):
+            raise ArgumentError("noise: `draw` raised the exception that is printed above")
     else:
         _to_normals(noise, 2, first, last)
     if rare is not None and setting.noise_law == OUTLIERS:
@@ -214,8 +216,10 @@ def _to_student(noise: FloatArray, first: int, last: int, setting: Any) -> None:
         noise[3, column] = max(min(radius * sine, clip), -clip)
 
 
-_COLUMNS = types.void(types.CPointer(types.float64), types.intp, types.intp)
-"""Signature of the function of a law of the user: the array of the noise, first and last."""
+_COLUMNS = types.boolean(types.CPointer(types.float64), types.intp, types.intp)
+"""Signature of the function of a law of the user: the array of the noise, first and last. numba
+prints an exception and returns False.
+"""
 
 _function_at = address_as(types.ExternalFunctionPointer(_COLUMNS, int))
 
@@ -234,12 +238,13 @@ def compile_law(draw: Callable[..., Any], law: tuple[Any, ...]) -> Any:
     """
     drawn = njit(error_model="numpy")(draw)
 
-    def draw_columns(pointer: Any, first: int, last: int) -> None:
+    def draw_columns(pointer: Any, first: int, last: int) -> bool:
         noise = carray(pointer, (7, LANES))
         for column in range(first, last):
             u = (noise[2, column], noise[3, column], noise[4, column], noise[5, column])
             x, y = drawn(law, u)
             noise[2, column] = _limited(x)
             noise[3, column] = _limited(y)
+        return True
 
     return cfunc(_COLUMNS)(draw_columns)

@@ -3,15 +3,19 @@
 import copy
 import math
 import pickle
+import sys
+from dataclasses import dataclass
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import pytest
 from drawn_noise import drawn_noise
+from hostile_input import refused
 from own_noise import Rounded, run_page
 from scipy import stats
 
-from hybrid_env import ArgumentError, HybridTrackVectorEnv, OwnNoise, simulate
+from hybrid_env import ArgumentError, HybridTrackVectorEnv, OwnNoise, WorldOptions, simulate
 
 COUNT = 100_000
 
@@ -96,9 +100,63 @@ def test_rare_infinities_and_nan_are_clipped():
         assert size[size <= 1.0].max() < 1e-6
 
 
+class Raising(OwnNoise):
+    """Raises in one of 10,000 measurements."""
+
+    def draw(self, u):
+        """Return both errors."""
+        if u[0] > 0.9999:
+            raise ValueError("far out")
+        return u[0], u[1]
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_law_that_raises_in_an_episode_raises_in_its_step(threads, monkeypatch):
+    printed = []
+    monkeypatch.setattr(sys, "unraisablehook", lambda raised: printed.append(str(raised.exc_value)))
+    env = HybridTrackVectorEnv(1000, threads=threads, noise=Raising())
+
+    def run():
+        for seed in range(50):
+            env.reset(seed=seed)
+            env.step(np.zeros(1000, int))
+
+    with pytest.raises(ArgumentError, match="noise: `draw` raised the exception"):
+        run()
+    env.close()
+    assert set(printed) == {"far out"}
+
+
+def test_a_law_that_raises_in_a_simulation_ends_it(monkeypatch):
+    monkeypatch.setattr(sys, "unraisablehook", lambda raised: None)
+    with pytest.raises(ArgumentError, match="noise: `draw` raised"):
+        simulate("S50", 1000, noise=Raising())
+
+
 def law(draw):
     """Return a law with this function, as one without fields."""
     return type("Law", (OwnNoise,), {"draw": draw})()
+
+
+@dataclass(frozen=True)
+class Fields(OwnNoise):
+    """A law with a field of any type."""
+
+    scales: tuple = (1.0, 2.0)
+    other: Any = 0
+
+    def draw(self, u):
+        """Return both errors."""
+        return self.scales[0] * u[0], self.scales[1] * u[1]
+
+
+def test_fields_of_a_law_are_tuples_of_any_length_and_can_be_hashed():
+    for scales in ((3.0, 4.0), (1.0, 2.0, 3.0)):
+        assert WorldOptions(noise=Fields(scales)).parameters()["noise_function"] > 0
+    assert refused(Fields, 5.0).startswith("scales=5.0 is not allowed")
+    message = refused(WorldOptions, noise=Fields(other=[1.0]))
+    assert message.startswith("noise=Fields(")
+    assert message.endswith("(unhashable type: 'list')")
 
 
 @pytest.mark.parametrize(
