@@ -134,13 +134,18 @@ class ModelOptions(Checked):
         """Check the ratios of the options, for radii of bank and object [m]."""
         assert isinstance(self.initial_error, tuple)
         if self.modes is not None:
-            growths = np.abs(np.linalg.eigvals(self.motions["F"])).max(axis=1)
-            for mode, growth in zip(self.all_modes, growths, strict=True):
-                if self.longest_episode * math.log(max(growth, 1.0)) > math.log(1e9):
-                    allowed = (
-                        "eigenvalues of F by which a state grows at most 1e9 times in an episode"
-                    )
-                    raise reject("modes", mode.name, allowed)
+            # Of states in units of a tick.
+            scales = self.tau ** np.array([0.0, 1.0, 0.0, 1.0, 2.0, 2.0])
+            F = self.motions["F"] * scales[:, None] / scales
+            last = self.longest_episode
+            for ticks in [*(2**k for k in range(last.bit_length())), last]:
+                # A constant acceleration reaches ticks^2 / 2.
+                most = max(1e9, float(ticks) ** 2)
+                grown = np.abs(np.linalg.matrix_power(F, ticks)).max(axis=(1, 2)) > most
+                if grown.any():
+                    allowed = "F by whose powers a state, in units of tau, grows at most 1e9 times"
+                    name = self.all_modes[grown.argmax()].name
+                    raise reject("modes", name, f"{allowed} in an episode")
         # From pi on a turn cannot be told from a slower one.
         smallest = self.speed * self.tau / 100.0
         if smallest > min(radii, default=math.inf):
