@@ -28,6 +28,7 @@ from hybrid_env.core.memory import MOTION, MOTION_STATES
 Matrices = tuple[FloatArray, FloatArray, FloatArray | None]
 Nonzero = Annotated[float, Interval(ge=-1e18, le=1e18)]
 
+MOST_MODES = 1000
 # Places of [x, vx, y, vy], and of [x, vx, ax, y, vy, ay], in the order of the compiled core.
 PLACES = {4: (0, 1, 2, 3), MOTION_STATES: (0, 1, 4, 2, 3, 5)}
 
@@ -301,8 +302,8 @@ def parse_modes(value: Any, name: str = "modes") -> tuple[Mode, ...] | None:
     if value is None:
         return None
     modes: list[Mode] = []
-    parts = re.split(r"\s*,\s*", value) if isinstance(value, str) else value
-    for part in parts if isinstance(parts, (tuple, list)) else [value]:
+    parts = value.split(",") if isinstance(value, str) else value
+    for part in parts[: MOST_MODES + 1] if isinstance(parts, (tuple, list)) else [value]:
         mode = mode_of(part)
         if mode is None:
             allowed = (
@@ -312,8 +313,8 @@ def parse_modes(value: Any, name: str = "modes") -> tuple[Mode, ...] | None:
             raise reject(name, part, allowed)
         modes.append(mode)
     names = [mode.name for mode in modes]
-    if not 2 <= len(modes) <= 1000 or len({*names}) < len(modes):
-        raise reject(name, names, "2 to 1,000 modes of different names")
+    if not 2 <= len(modes) <= MOST_MODES or len({*names}) < len(modes):
+        raise reject(name, names, f"2 to {MOST_MODES:,} modes of different names")
     return tuple(modes)
 
 
@@ -327,7 +328,8 @@ def mode_of(value: Any) -> Mode | None:
 
 def mode_of_text(text: Any) -> Mode | None:
     """Return the mode of a text; None if there is none of this name."""
-    match = re.fullmatch(r"\s*([a-z ]*[a-z])\s*([-+\d.]\S*)?\s*", text if type(text) is str else "")
+    words = " ".join(text.split()) if type(text) is str else ""
+    match = re.fullmatch(r"([a-z]+(?: [a-z]+)*) ?([-+\d.]\S*)?", words)
     if match is None:
         return None
     try:
@@ -345,8 +347,12 @@ def motion_table(modes: Sequence[Mode], tau: float, process_variance: float) -> 
     """
     table = np.zeros(len(modes), MOTION)
     for motion, mode in zip(table, modes, strict=True):
-        # Checked as those of a user.
-        F, B, Q = LinearMode(*mode.matrices(tau)).matrices(tau)
+        try:
+            # Checked as those of a user.
+            F, B, Q = LinearMode(*mode.matrices(tau)).matrices(tau)
+        except Exception as error:
+            reason = f"{type(error).__name__}: {error}"
+            raise reject("modes", mode.name, f"matrices F, B and Q of a tick ({reason})") from None
         places = PLACES[len(F)]
         square = np.ix_(places, places)
         motion["signed_radius"] = mode.signed_radius

@@ -23,6 +23,8 @@ from hybrid_env.modes import (
     radii_of_modes,
 )
 
+MOST_PIECES = 10_000
+
 
 @dataclass(frozen=True)
 class Segment(Checked):
@@ -70,7 +72,7 @@ class Segment(Checked):
 class FixedScheme(Checked):
     """A scheme with the same segments in every episode: a tuple of at most 10,000 pieces."""
 
-    pieces: Annotated[tuple[Segment, ...], Len(1, 10_000)]
+    pieces: Annotated[tuple[Segment, ...], Len(1, MOST_PIECES)]
 
     def __str__(self) -> str:
         named = any(piece.mode not in ("S", "L", "R") for piece in self.pieces)
@@ -119,16 +121,18 @@ def parse_scheme(value: "str | Scheme", name: str = "scheme") -> Scheme:
     """
     if isinstance(value, (FixedScheme, RandomScheme)):
         return value
-    text = value.strip() if isinstance(value, str) else ""
+    # A pattern would try every place in a long space.
+    text = " ".join(value.split()) if isinstance(value, str) else ""
     text = SCHEMES.get(text, text)
-    if random := re.fullmatch(r"random(?:\s+(\d{1,20})x(\d{1,20})(?:-(\d{1,20}))?)?", text):
+    if random := re.fullmatch(r"random(?: (\d{1,20})x(\d{1,20})(?:-(\d{1,20}))?)?", text):
         if random[1] is None:
             return RandomScheme()
         return RandomScheme(int(random[1]), (int(random[2]), int(random[3] or random[2])))
     pieces = []
-    named = re.search(r"\d\s+[a-z]", text)
-    for word in re.split(r"\s*[,;]\s*" if named else r"[\s,;]+", text):
-        if named and (of_mode := re.fullmatch(r"(\d{1,20})\s+([a-z][^,;]*)", word)):
+    named = re.search(r"\d [a-z]", text)
+    words = re.split(" ?[,;] ?" if named else "[ ,;]+", text)
+    for word in words[: MOST_PIECES + 1]:
+        if named and (of_mode := re.fullmatch(r"(\d{1,20}) ([a-z][^,;]*)", word)):
             pieces.append(_named_segment(of_mode[2], int(of_mode[1])))
             continue
         match = re.fullmatch(r"([SLR])(\d{1,20})(?:r([\d.]+(?:e[+-]?\d+)?))?", word)

@@ -9,7 +9,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from declared import refuse_beyond
-from hostile_input import refused
+from hostile_input import accepted, refused
 from own_modes import SCALES, Halt, every_mode
 from own_noise import run_page
 from scipy import special
@@ -19,10 +19,12 @@ from hybrid_env import (
     HybridTrackEnv,
     HybridTrackVectorEnv,
     QuickestOptions,
+    RandomScheme,
     WorldOptions,
     parse_scheme,
 )
 from hybrid_env.core.memory import LANES
+from hybrid_env.durations import parse_durations
 from hybrid_env.modes import Accelerate, LinearMode, Stop, Straight, Turn, TurnRate, parse_modes
 from hybrid_env.rendering.evidence import type_colours
 
@@ -161,8 +163,54 @@ class Wrong(Halt):
         return np.eye(3), np.zeros(4), None
 
 
-def test_matrices_of_a_class_are_checked_too():
-    assert refused(HybridTrackEnv, modes=(Straight(), Wrong())).startswith("F=")
+class Absent(Halt):
+    """A mode whose matrices are forgotten."""
+
+    def matrices(self, tau):
+        """Return nothing."""
+
+
+class Failing(Halt):
+    """A mode whose matrices cannot be computed."""
+
+    def matrices(self, tau):
+        """Divide by zero."""
+        return tau / 0.0
+
+
+@pytest.mark.parametrize(
+    ("mode", "reason"),
+    [(Wrong(), "not (3, 3)"), (Absent(), "NoneType"), (Failing(), "division by zero")],
+)
+def test_matrices_of_a_class_are_checked_too(mode, reason):
+    message = refused(HybridTrackEnv, modes=(Straight(), mode))
+    assert message.startswith(f"modes='{mode.name}'")
+    assert reason in message
+
+
+@pytest.mark.parametrize("size", [1e6, 1e12, 1e30])
+@pytest.mark.parametrize("kept", [0.0, 1.0])
+def test_a_mode_that_grows_without_large_eigenvalues_is_refused(size, kept):
+    for n in (4, 6):
+        mode = LinearMode(kept * np.eye(n) + size * np.eye(n, k=1), name="shear")
+        for options in (WorldOptions, QuickestOptions):
+            assert "at most 1e9 times" in refused(options, modes=(Straight(), mode))
+
+
+def test_accelerations_in_the_longest_segments_do_not_count_as_growth():
+    for tau in (1e-6, 1e6):
+        modes = "straight, accelerate 1e-6, stop"
+        given = {"modes": modes, "tau": tau, "speed": 1 / tau, "process_variance": 0.0}
+        scheme = RandomScheme(1000, (10**6, 10**6))
+        assert WorldOptions(scheme=scheme, initial_error=(0.3, 0.0), **given).hypotheses == 3
+
+
+def test_long_texts_are_read_in_linear_time():
+    for text in (" " * 10**6 + "x", "a" + " " * 10**6 + "!", "9 straight" + " " * 10**6 + "!"):
+        for parse in (parse_modes, parse_scheme, parse_durations):
+            assert accepted(lambda parse=parse, text=text: parse(text)) is None
+    assert parse_scheme(f"9{' ' * 10**6}straight").pieces == parse_scheme("S9").pieces
+    assert parse_modes(f"left{' ' * 10**6}5,right 5 ")[0] == Turn(5.0)
 
 
 def test_a_mode_may_grow_for_some_ticks():
