@@ -164,7 +164,7 @@ def checked(name: str, value: Any, hint: Any) -> Any:
             getattr(operator, bound)(number, limits[bound]) for bound in bounds
         ):
             return number
-    elif origin is tuple:
+    elif origin is tuple and inner:
         return _checked_elements(name, value, hint)
     elif dataclasses.is_dataclass(kind) and isinstance(value, Mapping):
         with suppress(TypeError):
@@ -181,7 +181,7 @@ def described(hint: Any) -> str:
     inner = typing.get_args(kind)
     if origin is typing.Literal:
         return "one of " + ", ".join(map(repr, inner))
-    if origin is tuple:
+    if origin is tuple and inner:
         least = limits.get("min_length", 0)
         most = limits.get("max_length", "any number")
         count = f"{least} to {most}" if inner[-1] is Ellipsis else str(len(inner))
@@ -278,11 +278,7 @@ def check_array(
     """Return a copy as a finite float64 array of a given shape; None in `shape` allows any length
     >= 1, and `missing` allows NaN.
     """
-    try:
-        given = np.asarray(value)
-    except (TypeError, ValueError, RuntimeError):
-        # Rows of different lengths, or a tensor with a gradient.
-        given = np.array(None)
+    given = as_array(value)
     # The mask would be lost.
     numeric = given.dtype.kind in "fiu" and not np.ma.is_masked(value)
     array = np.array(given if numeric else np.nan, np.float64)
@@ -322,6 +318,16 @@ def check_covariance(name: str, matrix: FloatArray, definite: bool = True) -> Fl
         kind = "positive definite" if definite else "without negative eigenvalues"
         raise reject(name, matrix.tolist(), f"symmetric matrices, {kind}")
     return 0.5 * (matrix + np.swapaxes(matrix, -1, -2))
+
+
+def as_array(value: ArrayLike) -> AnyArray:
+    """Return a value as an array; that of None for rows of different lengths, and for a tensor
+    with a gradient.
+    """
+    try:
+        return np.asarray(value)
+    except (TypeError, ValueError, RuntimeError):
+        return np.array(None)
 
 
 def dimensions(value: ArrayLike) -> int:

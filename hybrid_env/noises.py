@@ -174,16 +174,18 @@ def parse_noise(value: Any, name: str = "noise", allowed: str = "") -> Noise:
     """Parse a text or check a law. name, allowed: the argument and what it may be, for the
     message.
     """
-    if isinstance(value, Noise):
-        return value
     words = value.split() if isinstance(value, str) else []
     examples = ", ".join(repr(law.example) for law in LAWS.values())
     allowed = allowed or f"{examples}, or a law of hybrid_env.noises"
-    if words and words[0] in LAWS:
-        try:
+    try:
+        if isinstance(value, Noise):
+            # What is compiled for a law is found by its values.
+            hash(value)
+            return value
+        if words and words[0] in LAWS:
             return LAWS[words[0]](*map(float, words[1:]))
-        except (TypeError, ValueError) as error:
-            raise reject(name, value, f"{allowed} ({error})") from None
+    except (TypeError, ValueError) as error:
+        raise reject(name, value, f"{allowed} ({error})") from None
     raise reject(name, value, allowed)
 
 

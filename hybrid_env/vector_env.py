@@ -17,6 +17,7 @@ from hybrid_env.checks import (
     Info,
     IntArray,
     OwnState,
+    as_array,
     check_choice,
     check_integer,
     checked,
@@ -144,7 +145,7 @@ class TrackVectorEnv(OwnState, VectorEnv[Float32Array, IntArray, AnyArray]):
         """
         if not self._started:
             raise gym.error.ResetNeeded("step() requires a running episode: call reset() first")
-        actions = np.asarray(actions)
+        actions = as_array(actions)
         if actions.shape != self._shape or actions.dtype.kind not in "iu":
             given = f"actions have shape {actions.shape} and type {actions.dtype}"
             raise gym.error.InvalidAction(f"{given}: expected integers of shape ({self.num_envs},)")

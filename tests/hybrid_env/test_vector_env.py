@@ -161,6 +161,9 @@ def test_an_invalid_action_in_one_thread_steps_no_track():
     actions[33] = 9
     with pytest.raises(gym.error.InvalidAction, match="action=9"):
         env.step(actions)
+    for ragged in ([[0], 0], [[0, 1], [0]], {0}, None):
+        with pytest.raises(gym.error.InvalidAction, match="expected integers of shape"):
+            env.step(ragged)
 
     np.testing.assert_array_equal(env.world.observations, rows)
     np.testing.assert_array_equal(env.step(actions * 0)[0], same.step(actions * 0)[0])
