@@ -35,7 +35,11 @@ def mixture(
 
 
 class IMMFilter(TrackFilter):
-    """The IMM filter: one Kalman filter per model, and a Markov chain of models in continuous time.
+    """The IMM filter of CV, CA and CJ models; turn rates, F, B and Q of your own and a transition
+    matrix go to the bank of `modes=` and `transitions=` (`QuickestOptions`, `OnlineTracker`), and
+    without mixing to `KalmanBank(modes=...)`.
+
+    There is one Kalman filter per model, and a Markov chain of models in continuous time.
 
     The state has the size of the largest model; derivatives that a model lacks are 0 in it.
     Derivatives that two models share are mixed. One that only one of them has is distributed as at

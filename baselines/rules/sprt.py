@@ -1,7 +1,9 @@
 """Wald's sequential probability ratio test (SPRT) over a bank of hypotheses. Golubkov 2018, rule
 (5): every hypothesis i is tested against the active hypothesis q_A, the last decided mode, with the
 log-likelihood ratio lambda_i = ln p(innovations | H_i) - ln p(innovations | H_qA). Rule (5) uses
-all pairs lambda_ij; the algorithm of the paper only these.
+all pairs lambda_ij; the algorithm of the paper only these. Its error probabilities hold for each
+hypothesis against the active one: where a third one is true, errors can be much more frequent, and
+`msprt` bounds them all.
 """
 
 import math
@@ -97,8 +99,8 @@ class SPRTDecider(Decider):
     only where a ratio is within float32 precision of a threshold.
 
     Args:
-        alpha: type I error probability.
-        beta: type II error probability; None uses alpha.
+        alpha: type I error probability of each hypothesis against the active one.
+        beta: type II error probability of the same; None uses alpha.
     """
 
     name = "sprt"
