@@ -1,0 +1,101 @@
+"""Modes, laws of the noise and texts of every kind: each is refused in one line, or the world that
+it makes has rows inside the observation space.
+"""
+
+import functools
+import sys
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from hostile_input import accepted, counts
+
+from hybrid_env import (
+    HybridTrackQuickestVectorEnv,
+    HybridTrackVectorEnv,
+    OwnNoise,
+    parse_scheme,
+    simulate,
+)
+from hybrid_env.durations import parse_durations
+from hybrid_env.modes import LinearMode, parse_modes
+from hybrid_env.sensors import parse_sensors
+
+PIECES = [" ", "\t", "a", "1", "+", ",", ";", "-", "!", ".", "S1", "9 straight", "left 5", "stop"]
+PIECES += ["uniform 5-9", "geometric 75", " or ", "turn rate 0.2", "0.4", " at ", " period 5", "r5"]
+PARSERS = parse_modes, parse_scheme, parse_durations, lambda text: parse_sensors([text])
+
+
+def grow(seed):
+    """Step a world with a random linear mode."""
+    generator = np.random.default_rng(seed)
+    n = generator.choice([4, 6])
+    sizes = 10.0 ** generator.uniform(-6.0, 15.0, 3)
+    entries = generator.normal(size=(n, n)) * (generator.random((n, n)) < 0.3) * sizes[0]
+    if generator.random() < 0.5:
+        entries = np.triu(entries, 1)
+    mode = LinearMode(
+        generator.choice([0.0, 1.0, 1.02, -1.0]) * np.eye(n) + entries,
+        generator.choice([0.0, sizes[1]]) * generator.normal(size=n),
+        generator.choice([0.0, sizes[2]]) * np.diag(generator.random(n)),
+        name="own",
+    )
+    kind = generator.choice([HybridTrackVectorEnv, HybridTrackQuickestVectorEnv])
+    tau = float(10.0 ** generator.normal())
+    env = accepted(lambda: kind(8, modes=("straight", mode), tau=tau))
+    if env is None:
+        return
+    rows, _ = env.reset(seed=seed)
+    for _ in range(200):
+        assert env.observation_space.contains(rows), seed
+        rows, *_ = env.step(generator.integers(0, 2, 8))
+
+
+@pytest.mark.parametrize("cases", counts(60, 10_000))
+def test_rows_of_modes_that_grow_are_inside_the_space(cases):
+    for kind in (HybridTrackVectorEnv, HybridTrackQuickestVectorEnv):
+        # Its code is compiled.
+        kind(1, modes="straight, stop")
+    for seed in range(cases):
+        grow(seed)
+
+
+@dataclass(frozen=True)
+class Failing(OwnNoise):
+    """Raises where a number lies in a narrow range, and else returns numbers below -7."""
+
+    low: float
+    high: float
+
+    def draw(self, u):
+        """Return both errors."""
+        if self.low < u[0] < self.high:
+            raise ValueError("in the range")
+        return -7.0 - u[0], -7.0 - u[1]
+
+
+@pytest.mark.parametrize("cases", counts(3, 100))
+def test_a_law_that_raises_leaves_no_measurement_behind(cases, monkeypatch):
+    monkeypatch.setattr(sys, "unraisablehook", lambda raised: None)
+    raised = 0
+    for seed in range(cases):
+        generator = np.random.default_rng(seed)
+        low = generator.random()
+        law = Failing(low, low + 10.0 ** generator.uniform(-6.0, -2.0))
+        run = accepted(functools.partial(simulate, "S50", 64, seed, noise=law))
+        raised += run is None
+        if run is not None:
+            errors = (run.measurements - run.truth[:, :, ::2]) / np.sqrt(0.1)
+            assert (errors < -6.999).all(), seed
+    assert 0 < raised < cases
+
+
+@pytest.mark.parametrize("cases", counts(60, 10_000))
+def test_long_texts_are_read_or_refused_at_once(cases):
+    for seed in range(cases):
+        generator = np.random.default_rng(seed)
+        pieces = generator.choice(PIECES, (2, 4)).tolist()
+        middle = "".join(pieces[0][: generator.integers(1, 5)])
+        text = pieces[1][0] + middle * int(10.0 ** generator.uniform(2.0, 4.5)) + pieces[1][1]
+        for parse in PARSERS:
+            accepted(functools.partial(parse, text))
