@@ -44,10 +44,10 @@ def main() -> int:
 
 def _help(error: MissingExtraError) -> str:
     """Return the help without the flags, which the extra describes."""
-    from agents.commands import COMMANDS, EXAMPLES
-
-    examples = EXAMPLES.get(sys.argv[1], EXAMPLES[""]).replace("\n", "\n  ")
-    return f"commands: {', '.join(COMMANDS)}\nexamples:{examples}\n{error}"
+    commands = importlib.import_module("agents.commands")
+    texts = commands.EXAMPLES
+    examples = texts.get(sys.argv[1], texts[""]).replace("\n", "\n  ")
+    return f"commands: {', '.join(commands.COMMANDS)}\nexamples:{examples}\n{error}"
 
 
 def _foreign() -> str | None:
