@@ -50,10 +50,11 @@ def right_from_true_start(target, measurements, name):
     tracker = OnlineTracker(world, load_decider(name, world))
     right = []
     for run in measurements:
-        [piece] = tick_grid(make_recording(target.times(len(run)), run)).pieces
+        recording = make_recording(target.times(len(run)), run)
+        [piece] = tick_grid(recording).pieces
         decisions = decide_piece(
+            recording,
             piece,
-            None,
             model,
             tracker,
             LENGTHS,
