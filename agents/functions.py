@@ -22,7 +22,7 @@ from agents.training.recipe import load_recipe
 from agents.training.runs import make_run
 from baselines.rules.decider import Decider
 from baselines.scoring.estimates import Estimate
-from hybrid_env.checks import check_integer
+from hybrid_env.checks import check_integer, of_keywords
 
 
 def load(decider: Any, env_id: str = DEFAULT_ENV, **options: Any) -> Decider:
@@ -84,7 +84,8 @@ def compare(
     Raises:
         ArgumentError: an argument is not allowed.
     """
-    command = Compare(deciders=tuple(deciders), env=env_id, **options)
+    given = {"deciders": tuple(deciders), "env": env_id, **options}
+    command = of_keywords(Compare, given)
     folder = None if out is None else Path(out)
     return command.plan().compare(folder, Progress(disable=True))
 

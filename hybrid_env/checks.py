@@ -54,6 +54,10 @@ class ArgumentError(ValueError):
         super().__init__(_shorten(" ".join(message.split()), 300))
 
 
+class KeywordError(ArgumentError, TypeError):
+    """A keyword does not exist: other libraries expect the error of Python, and read its words."""
+
+
 class OwnState:
     """A class whose copies share no state with it: a step, which changes arrays in place, does
     not move the others.
@@ -100,11 +104,26 @@ def unknown(name: str, value: Any, known: Iterable[str], otherwise: str = "") ->
         otherwise: what the message says if none is near; by default all names.
     """
     names = list(known)
-    near = difflib.get_close_matches(str(value), names, 2)
-    words = otherwise or f"expected one of {', '.join(names)}"
-    if near:
-        words = f"did you mean {' or '.join(map(repr, near))}?"
+    words = _nearest(value, names) or otherwise or f"expected one of {', '.join(names)}"
     return ArgumentError(f"{name}={_shorten(repr(value), 120)} does not exist: {words}")
+
+
+def _nearest(value: Any, names: Iterable[str]) -> str:
+    """Return a question for the names near a value; empty if none is."""
+    near = difflib.get_close_matches(str(value), list(names), 2)
+    return f"did you mean {' or '.join(map(repr, near))}?" if near else ""
+
+
+def of_keywords(kind: Any, keywords: Mapping[str, Any], further: Iterable[str] = ()) -> Any:
+    """Make a dataclass of the keywords of a function, which may have further ones. A name that does
+    not exist raises `KeywordError`, with the nearest ones.
+    """
+    names = declared_fields(kind).keys()
+    for name in keywords.keys() - names:
+        near = _nearest(name, [*names, *further])
+        message = f"{kind.__name__}.__init__() got an unexpected keyword argument {name!r}"
+        raise KeywordError(message + (near and f": {near}"))
+    return kind(**keywords)
 
 
 def declaration(hint: Any) -> tuple[Any, dict[str, Any]]:

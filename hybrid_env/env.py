@@ -16,6 +16,7 @@ from hybrid_env.checks import (
     check_choice,
     check_integer,
     checked,
+    of_keywords,
 )
 from hybrid_env.core.kernel import DECIDED
 from hybrid_env.options import WorldOptions
@@ -39,7 +40,7 @@ class TrackEnv(OwnState, gym.Env[Float32Array, np.int64]):
 
     def __init__(self, render_mode: str | None = None, bank_info: bool = False, **options: Any):
         self.render_mode = render_mode
-        self.options = self.options_class.of_keywords(options)
+        self.options = of_keywords(self.options_class, options, ["render_mode"])
         rows = 0
         if render_mode is not None:
             check_choice("render_mode", render_mode, ["rgb_array"])

@@ -1,9 +1,9 @@
 """The options of the model that every environment has, checked on creation."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from annotated_types import Ge, Interval, Unit
@@ -15,9 +15,7 @@ from hybrid_env.checks import (
     IntArray,
     Share,
     checked,
-    declared_fields,
     reject,
-    unknown,
 )
 from hybrid_env.core.memory import PARAMETERS
 from hybrid_env.limits import (
@@ -102,19 +100,6 @@ class ModelOptions(Checked):
     likelihood: Annotated[str | GaussianNoise | StudentNoise, parse_likelihood] = "gaussian"
     initial_error: Annotated[float | tuple[float, float], check_initial_error] = (0.3, 0.02)
     decide_every: Ticks = 1
-
-    @classmethod
-    def of_keywords(cls, keywords: Mapping[str, Any]) -> Self:
-        """Return the options of `gym.make`; refuse a name that does not exist with the nearest
-        ones.
-        """
-        kind: Any = cls
-        names = declared_fields(kind)
-        for name in keywords.keys() - names.keys():
-            raise unknown(
-                "option", name, [*names, "render_mode"], f"{cls.__name__} has all options"
-            )
-        return cls(**keywords)
 
     def __post_init__(self) -> None:
         if self.modes is not None:

@@ -22,6 +22,7 @@ from hybrid_env.checks import (
     check_integer,
     checked,
     elements,
+    of_keywords,
     reject,
 )
 from hybrid_env.core.kernel import TERMINATED
@@ -67,7 +68,7 @@ class TrackVectorEnv(OwnState, VectorEnv[Float32Array, IntArray, AnyArray]):
             "autoreset_mode": self.autoreset_mode,
         }
         self.render_mode = render_mode
-        self.options = self.options_class.of_keywords(options)
+        self.options = of_keywords(self.options_class, options, ["render_mode"])
         self.options.check_longest(max_episode_steps)
         self.tick_info = checked("tick_info", tick_info, bool)
         self.bank_info = checked("bank_info", bank_info, bool)

@@ -35,6 +35,7 @@ from hybrid_env.checks import (
     PositiveOrZero,
     check_array,
     check_fields,
+    of_keywords,
     reject,
 )
 from hybrid_env.durations import parse_durations
@@ -420,7 +421,7 @@ def track_recording(
     Raises:
         ArgumentError: an argument has a value that is not allowed.
     """
-    arguments = TrackingArguments(**options)
+    arguments = of_keywords(TrackingArguments, options)
     check_fields(arguments)
     if radar is None:
         return arguments.track(make_recording(times, positions))

@@ -57,8 +57,4 @@ def resume_run(folder: Path, steps: int | None = None) -> Algorithm:
     resume = has_checkpoint(folder)
     if not resume and not run_folder.is_free(folder):
         raise reject("resume", str(folder), "a run folder with a checkpoint")
-    try:
-        return make_run(env_id, options, recipe, seed, folder, steps, resume)
-    except TypeError as error:
-        # An unknown option.
-        raise reject("options", options, f"options of {env_id} ({error})") from None
+    return make_run(env_id, options, recipe, seed, folder, steps, resume)

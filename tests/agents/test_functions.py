@@ -1,5 +1,6 @@
 """The commands as Python functions give what the commands give."""
 
+import functools
 import json
 
 import numpy as np
@@ -83,3 +84,19 @@ def test_compare_takes_names_and_functions():
 
     assert [entry.name for entry in result.entries] == ["MSPRT", "first"]
     assert result.picture().axes
+
+
+@pytest.mark.parametrize(
+    "function",
+    [
+        functools.partial(agents.compare, ["ate"]),
+        functools.partial(agents.evaluate, "ate"),
+        functools.partial(agents.load, "ate"),
+        functools.partial(agents.train, "ppo"),
+        functools.partial(agents.track_recording, None, np.zeros((5, 2))),
+        functools.partial(agents.as_vec_env, "HybridTrack-v0", 2),
+    ],
+)
+def test_a_keyword_that_does_not_exist_is_a_type_error_with_the_nearest_one(function):
+    with pytest.raises(TypeError, match=r"unexpected keyword argument 'mods': did you mean 'mod"):
+        function(mods="straight")

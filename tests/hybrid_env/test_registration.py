@@ -1,6 +1,7 @@
 """The registered ids with the checkers, vectorization modes and subprocesses of other libraries."""
 
 import functools
+import re
 
 import gymnasium as gym
 import numpy as np
@@ -71,6 +72,11 @@ def test_the_keys_declare_straight_left_and_right():
 
 
 @pytest.mark.parametrize("make", [gym.make, gym.make_vec])
-def test_an_option_that_does_not_exist_is_refused_with_the_nearest_one(make):
-    with pytest.raises(ArgumentError, match="did you mean 'measurement_variance'"):
+def test_an_option_that_does_not_exist_is_refused_as_by_python_with_the_nearest_one(make):
+    words = "got an unexpected keyword argument '{}'"
+    near = ": did you mean 'measurement_variance'"
+    with pytest.raises(TypeError, match=re.escape(words.format("mesurement_variance") + near)):
         make("hybrid_env:HybridTrack-v0", mesurement_variance=1.0)
+    # Libraries try keywords, and read these words.
+    with pytest.raises(ArgumentError, match=words.format("frameskip")):
+        make("hybrid_env:HybridTrack-v0", frameskip=1)
