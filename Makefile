@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
-.PHONY: compare test lint types studies study coverage bench pythons docs pages dist clean
+.PHONY: compare test lint types studies study coverage rllib bench pythons docs pages dist clean
 
 compare: $(INSTALLED)
 	$(BIN)/hybridtrack compare $(ARGS)
@@ -33,6 +33,13 @@ study: $(INSTALLED)
 # lines of the three packages that the quick tests run; compiled functions are left out
 coverage: $(INSTALLED)
 	$(BIN)/python -m pytest -n auto --maxprocesses 8 --cov --cov-report=term $(ARGS)
+
+# RLlib, which needs an older Gymnasium, in an environment of its own
+rllib:
+	$(PYTHON) -m venv $(VENV)-rllib
+	grep -v '^gymnasium=' constraints.txt > $(VENV)-rllib/constraints.txt
+	$(VENV)-rllib/bin/python -m pip install --disable-pip-version-check -q -c $(VENV)-rllib/constraints.txt -e . pytest 'ray[rllib]' torch
+	$(VENV)-rllib/bin/python -m pytest tests/agents/rllib.py
 
 # speed beside CartPole and filterpy: make bench ARGS="single vector"
 bench: $(INSTALLED)

@@ -1,6 +1,7 @@
 """The environment of one track: what all environments share, and that with announced switches."""
 
 import functools
+import math
 import operator
 from collections.abc import Mapping
 from typing import Any, ClassVar
@@ -19,6 +20,7 @@ from hybrid_env.checks import (
     of_keywords,
 )
 from hybrid_env.core.kernel import DECIDED
+from hybrid_env.core.memory import MEASURED_NAMES
 from hybrid_env.options import WorldOptions
 from hybrid_env.rendering import RENDER_FPS, RENDER_MODES
 from hybrid_env.rendering.frame import draw_frame
@@ -46,8 +48,8 @@ class TrackEnv(OwnState, gym.Env[Float32Array, np.int64]):
             check_choice("render_mode", render_mode, ["rgb_array"])
             self.history = History(self.options)
             rows = self.options.longest_step
-        self._bank_info = checked("bank_info", bank_info, bool)
-        self.world = World(self.options, 1, rows, bank_info=self._bank_info)
+        self.bank_info = checked("bank_info", bank_info, bool)
+        self.world = World(self.options, 1, rows, bank_info=self.bank_info)
         self.action_space = self.world.action_space()
         self.observation_space = self.world.observation_space()  # type: ignore[assignment]
 
@@ -101,8 +103,11 @@ class TrackEnv(OwnState, gym.Env[Float32Array, np.int64]):
         info = self._info_names.copy()
         for name, read in self._info_readers:
             info[name] = read()
-        if self._bank_info:
+        if self.bank_info:
             info |= {name: values[0] for name, values in self.world.bank_tick().items()}
+        if math.isnan(info["measurement"].item(0)):
+            for name in MEASURED_NAMES:
+                info.pop(name, None)
         return info
 
     def __setstate__(self, state: Info) -> None:
@@ -118,10 +123,6 @@ class TrackEnv(OwnState, gym.Env[Float32Array, np.int64]):
     ) -> tuple[Float32Array, Info]:
         """Begin an episode. Without a seed the random stream continues. `options` is not used."""
         checked("options", options, Mapping | None)
-        if self.spec is not None and self.spec.id in gym.registry:
-            # `gym.make` does not tell the environment the limit of its wrapper: this is that of the
-            # id.
-            self.options.check_longest(gym.registry[self.spec.id].max_episode_steps)
         super().reset(seed=None if seed is None else check_integer("seed", seed, minimum=0))
         if seed is not None or not self.world.seeded[0]:
             self.world.seed(0, state_of(self.np_random))
@@ -283,20 +284,20 @@ class HybridTrackEnv(TrackEnv):
     The episode terminates with the decision on the last segment. The observation of this step is
     the one on which the decision was made. Waiting on the last tick of a segment forces a decision
     in that step, for the most likely hypothesis (with `undecided="keep"`: for the last decided
-    mode). Episodes are never truncated: `reset` refuses options whose episodes may be longer than
-    the 10,000 steps for which the ids are registered.
+    mode). An episode is truncated only by `max_episode_steps` of `gym.make`, which is 10,000 for
+    the ids.
 
     ## Information
     `info` describes the current tick at every step: `segment`, `tick`, `true_mode`, `truth` [x, vx,
-    y, vy], `measurement` [x, y] (NaN without one), `anchor` [x, vx, y, vy], `estimate` [x, vx, y,
-    vy] of the active filter, which is that of the last decided mode (with `follow="bank"`: the mean
-    of the posterior over all filters), and `log_likelihood` (M,) since the switch. `action_mask`
-    (actions,) is 1 where an action counts, as int8.
+    y, vy], `measurement` [x, y] (left out without one), `anchor` [x, vx, y, vy], `estimate` [x, vx,
+    y, vy] of the active filter, which is that of the last decided mode (with `follow="bank"`: the
+    mean of the posterior over all filters), and `log_likelihood` (M,) since the switch.
+    `action_mask` (actions,) is 1 where an action counts, as int8.
 
     With `bank_info=True` it also describes every filter, in the axes of the plane: `innovations`
     (M, 2) [m], `innovation_covariances` (M, 2, 2), `estimates` (M, 4) [x, vx, y, vy] and
-    `covariances` (M, 4, 4). The innovations are those before the correction, and NaN without a
-    measurement; estimates and covariances are those after it.
+    `covariances` (M, 4, 4). The innovations are those before the correction, and left out without
+    a measurement; estimates and covariances are those after it.
 
     A step with a decision adds `decided_mode`, `decided_true_mode`, `correct` (by the criterion of
     the reward), `type_correct` (straight, left or right), `ticks` (the decision time since the

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from annotated_types import Ge, Interval, Unit
+from annotated_types import Interval, Unit
 
 from hybrid_env.checks import (
     AnyArray,
@@ -14,7 +14,6 @@ from hybrid_env.checks import (
     FloatArray,
     IntArray,
     Share,
-    checked,
     reject,
 )
 from hybrid_env.core.memory import PARAMETERS
@@ -64,7 +63,7 @@ class ModelOptions(Checked):
             does not know it.
         missed: probability that a tick has no measurement (of each sensor, if there are several),
             below 1. The filters then only predict; in the observation all innovations are zero, and
-            `info["measurement"]` is NaN.
+            `info` has no "measurement".
         sensors: position sensors and radars (`hybrid_env.Sensor`, `Radar`, or texts: "0.4 period 5
             range 30 at 10 20", "radar 5 0.01 rate 0.3") that replace the one of variance R and are
             fused; a tick in which none measures is like a missed one. R, one number, stays the unit
@@ -188,17 +187,6 @@ class ModelOptions(Checked):
     def motions(self) -> AnyArray:
         """The modes as the kernel reads them, (M,) records `core.memory.MOTION`."""
         return motion_table(self.all_modes, self.tau, self.process_variance)
-
-    def check_longest(self, max_episode_steps: int | None) -> None:
-        """Refuse a limit below the longest episode, which would end without a decision; None and
-        -1 are no limit.
-        """
-        most = checked("max_episode_steps", max_episode_steps, Annotated[int, Ge(-1)] | None)
-        if most not in (None, -1) and self.longest_episode > most:
-            allowed = f"at least {self.longest_episode}, the longest episode of these options"
-            raise reject(
-                "max_episode_steps", most, f"{allowed}; the classes of hybrid_env have no limit"
-            )
 
     @property
     def variances(self) -> FloatArray:

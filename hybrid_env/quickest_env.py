@@ -69,14 +69,15 @@ class HybridTrackQuickestEnv(TrackEnv):
 
     ## Episode End
     The episode terminates with the statement on its last tick, number `ticks`. The observation of
-    this step is the one on which the statement was made. Episodes are never truncated.
+    this step is the one on which the statement was made. An episode is truncated only by
+    `max_episode_steps` of `gym.make`, which is 10,000 for the ids.
 
     ## Information
     `info` describes the current tick at every step: `segment` (number of switches so far), `tick`
     (since the switch or the beginning of the episode, at first 1), `true_mode`, `truth` [x, vx, y,
-    vy], `measurement` [x, y] (NaN without one), `estimate` [x, vx, y, vy] (the mean over the bank),
-    `log_probability` (M,), and `action_mask` (M,), which is 1 everywhere. Units are m, m/s and
-    ticks. With `durations="drawn"` also `law` (2, 2, 3), for straight motion and turns, of two
+    vy], `measurement` [x, y] (left out without one), `estimate` [x, vx, y, vy] (the mean over the
+    bank), `log_probability` (M,), and `action_mask` (M,), which is 1 everywhere. Units are m, m/s
+    and ticks. With `durations="drawn"` also `law` (2, 2, 3), for straight motion and turns, of two
     equally likely humps the offset, span and geometric mean of `hybrid_env.core.habits`; with
     `transitions="drawn"` also `transitions` (M, M), the probabilities of the next mode.
 

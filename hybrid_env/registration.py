@@ -32,9 +32,7 @@ ENVIRONMENTS: dict[str, dict[str, object]] = {
 """Registered ids and their options that differ from the defaults."""
 
 MAX_EPISODE_STEPS = 10_000
-"""Limit of the registered ids, for libraries that need one. Options whose episodes are longer
-are refused.
-"""
+"""Limit of the registered ids, for libraries that need one."""
 
 
 def register_environments() -> None:

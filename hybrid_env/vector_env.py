@@ -25,10 +25,10 @@ from hybrid_env.checks import (
     of_keywords,
     reject,
 )
-from hybrid_env.core.kernel import TERMINATED
+from hybrid_env.core.memory import MEASURED_NAMES
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
-from hybrid_env.rendering import RENDER_FPS
+from hybrid_env.rendering import RENDER_FPS, RENDER_MODES
 from hybrid_env.rendering.frame import draw_frame
 from hybrid_env.rendering.history import History
 from hybrid_env.world import World, random_states
@@ -63,13 +63,12 @@ class TrackVectorEnv(OwnState, VectorEnv[Float32Array, IntArray, AnyArray]):
         given = getattr(autoreset_mode, "value", autoreset_mode)
         self.autoreset_mode = modes[check_choice("autoreset_mode", given, modes)]
         self.metadata = {
-            "render_modes": ["rgb_array"],
+            "render_modes": RENDER_MODES,
             "render_fps": RENDER_FPS,
             "autoreset_mode": self.autoreset_mode,
         }
         self.render_mode = render_mode
         self.options = of_keywords(self.options_class, options, ["render_mode"])
-        self.options.check_longest(max_episode_steps)
         self.tick_info = checked("tick_info", tick_info, bool)
         self.bank_info = checked("bank_info", bank_info, bool)
         trace_rows = check_integer("trace_rows", trace_rows, 0, largest)
@@ -77,7 +76,7 @@ class TrackVectorEnv(OwnState, VectorEnv[Float32Array, IntArray, AnyArray]):
         # Ticks of the running episode of each track, without a render mode of none.
         self.histories: list[History] = []
         if render_mode is not None:
-            check_choice("render_mode", render_mode, self.metadata["render_modes"])
+            check_choice("render_mode", render_mode, ["rgb_array"])
             self.histories = [History(self.options) for _ in range(self.num_envs)]
             trace_rows = max(trace_rows, self.options.longest_step)
         self.world = World(self.options, self.num_envs, trace_rows, threads, self.bank_info)
@@ -89,7 +88,10 @@ class TrackVectorEnv(OwnState, VectorEnv[Float32Array, IntArray, AnyArray]):
         self._disabled = self.autoreset_mode is AutoresetMode.DISABLED
         self._same_step = self.autoreset_mode is AutoresetMode.SAME_STEP
         self._shape = (self.num_envs,)
-        self._truncated = np.zeros(self.num_envs, bool)
+        # Steps of the running episodes.
+        self._steps = np.zeros(self.num_envs, np.int64)
+        limit = largest if max_episode_steps in (None, -1) else max_episode_steps
+        self._most_steps = check_integer("max_episode_steps", limit)
         # Shared by the info of all steps, and therefore read-only.
         self._every_track = np.ones(self.num_envs, bool)
         self._every_track.setflags(write=False)
@@ -130,6 +132,7 @@ class TrackVectorEnv(OwnState, VectorEnv[Float32Array, IntArray, AnyArray]):
         if chosen.size:
             self.world.seed(chosen, random_states([seeds[i] for i in chosen.tolist()]))
         self.world.reset(mask)
+        self._steps[mask] = 0
         self._started = True
         self._record(mask, mask)
         info = self._tick_info(mask)
@@ -161,16 +164,19 @@ class TrackVectorEnv(OwnState, VectorEnv[Float32Array, IntArray, AnyArray]):
 
         terminated = world.terminated.copy()
         rewards = world.rewards.copy()
+        truncated = self._truncate(begins)
         final: Info = {}
-        if events & TERMINATED and self._same_step:
+        if self._same_step and world.terminated.any():
+            ended = world.terminated.copy()
             final_obs = np.full(self.num_envs, None, dtype=object)
-            for i in np.flatnonzero(terminated):
+            for i in np.flatnonzero(ended):
                 final_obs[i] = world.observations[i].copy()
-            final_info = self._tick_info(terminated) | self._decision_info(terminated)
+            final_info = self._tick_info(ended) | self._decision_info(ended)
             final = {"final_obs": final_obs, "final_info": final_info}
-            final |= {f"_{key}": terminated.copy() for key in final}
-            world.reset(terminated)
-            self._record(terminated, terminated)
+            final |= {f"_{key}": ended.copy() for key in final}
+            world.reset(ended)
+            self._steps[ended] = 0
+            self._record(ended, ended)
         if events or self.tick_info:
             final = self._decision_info() | final
         if self.tick_info or self.bank_info:
@@ -179,7 +185,7 @@ class TrackVectorEnv(OwnState, VectorEnv[Float32Array, IntArray, AnyArray]):
             # Most callers train: nothing else is made.
             info = {"action_mask": world.action_mask.copy(), "_action_mask": self._every_track}
         info |= final
-        return world.take_rows(), rewards, terminated, self._truncated.copy(), info
+        return world.take_rows(), rewards, terminated, truncated, info
 
     def close_extras(self, **kwargs: Any) -> None:
         """End the threads, if there are any."""
@@ -199,6 +205,18 @@ class TrackVectorEnv(OwnState, VectorEnv[Float32Array, IntArray, AnyArray]):
             raise gym.error.ResetNeeded("render() requires a running episode: call reset() first")
         return tuple(draw_frame(history) for history in self.histories)
 
+    def _truncate(self, begins: BoolArray) -> BoolArray:
+        """Return which episodes end by the limit of steps, (N,), for the world as terminated ones.
+        begins: (N,) the tracks that begin an episode.
+        """
+        if self.options.longest_episode < self._most_steps:
+            return np.zeros(self.num_envs, bool)
+        self._steps += 1
+        self._steps[begins] = 0
+        truncated: BoolArray = self._steps >= self._most_steps
+        self.world.terminated |= truncated
+        return truncated
+
     def _record(self, stepped: BoolArray, begins: BoolArray) -> None:
         """Add the last step to the histories. stepped, begins: (N,) which tracks were stepped or
         reset, and which of these begin an episode.
@@ -217,19 +235,18 @@ class TrackVectorEnv(OwnState, VectorEnv[Float32Array, IntArray, AnyArray]):
             history.record(self.world, track, present, self.world.terminated.item(track))
 
     def _tick_info(self, mask: BoolArray | None = None) -> Info:
-        """Return the info of the current tick, zero for tracks outside a mask, (N,); all tracks
-        without one.
+        """Return the info of the current tick, zero for tracks outside a mask, (N,), all without
+        one, and for what was not measured.
         """
         values: Info = {"action_mask": self.world.action_mask.copy()} | self.world.bank_tick()
         if self.tick_info:
             values |= self.world.copy_tick()
-        if mask is None:
-            mask = self._every_track
-        else:
-            mask = mask.copy()
-            for array in values.values():
-                array[~mask] = 0
-        return values | {f"_{key}": mask for key in values}
+        masks = dict.fromkeys(values, self._every_track if mask is None else mask.copy())
+        measured = ~np.isnan(self.world.field("measurement")[:, 0])
+        masks |= {name: masks[name] & measured for name in MEASURED_NAMES if name in masks}
+        for name, array in values.items():
+            array[~masks[name]] = 0
+        return values | {f"_{name}": valid for name, valid in masks.items()}
 
     def _decision_info(self, mask: BoolArray | None = None) -> Info:
         """Return the decisions of the last step, zero for tracks outside a mask, (N,); none with
@@ -271,8 +288,8 @@ class HybridTrackVectorEnv(TrackVectorEnv):
             More than one is useful from about 4,000 tracks.
         bank_info: True adds what every filter did, see `HybridTrackEnv`.
         render_mode: "rgb_array" for frames of all tracks.
-        max_episode_steps: longer options are refused; None and -1 are no limit. `gym.make_vec`
-            gives that of the id.
+        max_episode_steps: after which episodes are truncated; None and -1 are no limit.
+            `gym.make_vec` gives that of the id.
         options: see `WorldOptions`.
     """
 

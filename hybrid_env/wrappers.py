@@ -21,14 +21,23 @@ NO_DECISION: Info = {
 """What `info` tells of a decision in a step without one."""
 
 
-class CompleteInfo(OwnState, gym.Wrapper[Any, Any, Any, Any]):
-    """Adds `NO_DECISION` to the `info` of `HybridTrackEnv` in steps without a decision: recorders
-    such as Minari's `DataCollector(env, record_infos=True)` need the same structure at every step.
+class CompleteInfo(OwnState, gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordConstructorArgs):
+    """Adds `NO_DECISION` to the `info` of `HybridTrackEnv` in steps without a decision, and NaN for
+    what a tick without a measurement leaves out: recorders such as Minari's `DataCollector(env,
+    record_infos=True)` need the same structure at every step.
     """
 
     def __init__(self, env: gym.Env[Any, Any]):
+        # Makes the wrapper part of `spec`, by which data sets make their environment.
+        gym.utils.RecordConstructorArgs.__init__(self)
         super().__init__(env)
-        self._added = NO_DECISION if isinstance(env.unwrapped, HybridTrackEnv) else {}
+        base: Any = env.unwrapped
+        nothing = np.full((base.options.hypotheses, 2), np.nan)
+        self._added: Info = {"measurement": nothing[0]}
+        if base.bank_info:
+            self._added["innovations"] = nothing
+        if isinstance(base, HybridTrackEnv):
+            self._added |= NO_DECISION
 
     def reset(self, **keywords: Any) -> tuple[Any, Info]:
         """See `gymnasium.Env.reset`."""

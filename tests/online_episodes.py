@@ -64,7 +64,7 @@ def same_as_quickest(decider, seed, ticks=100, **options):
     decided = False
     for k in range(ticks):
         now = tracker.update(
-            tuple(info["measurement"][0].tolist()),
+            tuple(env.world.field("measurement")[0].tolist()),
             env.options.tau * k,
         )
         actions, state = decider.predict(
@@ -117,7 +117,7 @@ def same_as_announced(decider, seed, **options):
     while True:
         if len(truth) == 2:
             tracker = copy.copy(tracker)
-        now = tracker.update(tuple(info["measurement"][0].tolist()), time)
+        now = tracker.update(tuple(env.world.field("measurement")[0].tolist()), time)
         time += tau
         actions, state = decider.predict(rows, state, start)
         start = np.zeros(1, np.bool_)

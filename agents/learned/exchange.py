@@ -60,7 +60,7 @@ def _from_zip(path: Path, options: Any) -> Decider:
         name = re.sub(r".*\.|['>]", "", str(kwargs.get("activation_fn", "")))
         if name not in ("", "Tanh", "ReLU", "ELU", "LeakyReLU", "SiLU", "GELU"):
             raise ValueError(f"its activation function is {name}")
-        policy: nn.Module = read_actor(
+        policy: Any = read_actor(
             weights,
             activation=getattr(nn, name) if name else None,
             quantiles=int(kwargs.get("n_quantiles", 200)),
@@ -72,17 +72,35 @@ def _from_zip(path: Path, options: Any) -> Decider:
         policy = _unpickled(path)
     if normalised:
         _normalise(policy, path)
+    space = data.get("observation_space")
+    # Numbers of the environments have bounds; Gymnasium's statistics are not in the file.
+    if isinstance(space, dict) and "False" in str(space.get("bounded_below")):
+        warnings.warn(
+            f"{path.name} was trained on observations without bounds, as of NormalizeObservation,"
+            " and sees others: train with VecNormalize, or without a wrapper",
+            stacklevel=2,
+        )
     if isinstance(policy, Actor):
         return _actor(policy, path, options)
+    _check_width(policy.observation_space.shape[0], options)
     return external_decider(policy, str(path), options).changed(title=path.stem)
 
 
 def _actor(actor: Actor, path: Path, options: Any) -> Decider:
     """Return an actor as a decider."""
+    _check_width(actor.width, options)
     decider = actor_decider(actor, options)
     # Layers that do not fit together are refused here, not in an episode.
     decider.logits(np.zeros((2, actor.width), np.float32))
     return decider.changed(title=path.stem)
+
+
+def _check_width(width: int, options: Any) -> None:
+    """Refuse a policy that reads several rows at once."""
+    usual = options.layout_class(options.hypotheses).width
+    if width > usual and width % usual == 0:
+        rows = f"{width // usual} stacked rows of {usual} numbers, as of VecFrameStack"
+        raise ArgumentError(f"the policy reads {rows}: expected one row")
 
 
 def _unpickled(path: Path) -> nn.Module:

@@ -13,17 +13,21 @@ import os
 import subprocess
 import sys
 import tempfile
+from pathlib import Path
 
 import minari
 import numpy as np
 import torch
 from torch import nn
 
+import hybrid_env
+
 folder = tempfile.TemporaryDirectory()
 os.environ["MINARI_DATASETS_PATH"] = folder.name
 env_id = "HybridTrackPublished-v0"
 command = f"-m studies.datasets shipped --env {env_id} --episodes 1000"
-subprocess.run([sys.executable, *command.split()], check=True)
+root = Path(hybrid_env.__file__).parents[1]
+subprocess.run([sys.executable, *command.split()], cwd=root, check=True)
 
 # %%
 # The rows that the agent saw, and what it did: it nearly always waits.

@@ -105,6 +105,8 @@ MEASURED_FIELDS = {
 # What the sensors measure in a tick.
 MEASURED = lanes_of(**MEASURED_FIELDS)
 
+# In `info` of ticks with a measurement only.
+MEASURED_NAMES = "measurement", "innovations"
 TICK_NAMES = ("segment", "tick", "true_mode", "truth", "measurement", "anchor", "estimate")
 """The fields of a block that describe the current tick, in the order of `info`."""
 

@@ -1,11 +1,13 @@
-"""Learning libraries with only the id replaced. Those that are not in the development extra are
-optional.
+"""Learning libraries with only the id replaced. RLlib, which needs an older Gymnasium, is in
+`rllib.py`.
 """
 
 import gymnasium as gym
+import numpy as np
 import pytest
 
 import hybrid_env
+from hybrid_env.wrappers import CompleteInfo
 
 EASY = "hybrid_env:HybridTrack-v0"
 IDS = tuple(hybrid_env.ENVIRONMENTS)
@@ -31,7 +33,8 @@ def test_stable_baselines3_learns_with_its_defaults():
 
 @pytest.mark.parametrize("env_id", IDS)
 def test_torchrl_gym_env(env_id):
-    envs = pytest.importorskip("torchrl.envs")
+    from torchrl import envs
+
     # Tries the keyword frameskip first.
     env = envs.GymEnv(f"hybrid_env:{env_id}")
     env.auto_register_info_dict()
@@ -43,8 +46,7 @@ def test_torchrl_gym_env(env_id):
 
 
 def test_tianshou_collects_steps_of_a_policy():
-    env = pytest.importorskip("tianshou.env")
-    data = pytest.importorskip("tianshou.data")
+    from tianshou import data, env
     from tianshou.algorithm.modelfree.reinforce import DiscreteActorPolicy
     from tianshou.utils.net.common import Net
     from tianshou.utils.net.discrete import DiscreteActor
@@ -62,14 +64,35 @@ def test_tianshou_collects_steps_of_a_policy():
     assert collector.collect(n_step=100).n_collected_steps == 100
 
 
-def test_rllib_builds_and_trains_by_id():
-    ppo = pytest.importorskip("ray.rllib.algorithms.ppo")
-    config = ppo.PPOConfig().environment(EASY).env_runners(num_env_runners=0)
-    algorithm = config.training(train_batch_size_per_learner=400, num_epochs=1).build_algo()
-    try:
-        assert algorithm.train()["num_env_steps_sampled_lifetime"] >= 400
-    finally:
-        algorithm.stop()
+@pytest.mark.parametrize(
+    ("env_id", "options"),
+    [
+        (EASY, {"missed": 0.5, "bank_info": True}),
+        ("hybrid_env:HybridTrackQuickest-v0", {"ticks": 20}),
+    ],
+)
+def test_a_data_set_of_minari_makes_its_environment_again(tmp_path, monkeypatch, env_id, options):
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+    import minari
+
+    env = CompleteInfo(gym.make(env_id, **options))
+    collector = minari.DataCollector(env, record_infos=True)
+    for seed in (5, 6):
+        collector.reset(seed=seed)
+        ended = False
+        while not ended:
+            ended = any(collector.step(0)[2:4])
+    collector.create_dataset("hybridtrack/wait-v0")
+    collector.close()
+
+    data = minari.load_dataset("hybridtrack/wait-v0")
+    again = data.recover_environment()
+    assert str(again) == str(env)
+    assert again.unwrapped.options == env.unwrapped.options
+    for episode in data:
+        rows = [again.reset(seed=int(episode.id) + 5)[0]]
+        rows += [again.step(action)[0] for action in episode.actions]
+        np.testing.assert_array_equal(rows, episode.observations)
 
 
 def clean_rl_environment(env_id, index):

@@ -7,12 +7,10 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env as gymnasium_check
-from gymnasium.vector import AsyncVectorEnv
-from hostile_input import refused
+from gymnasium.vector import AsyncVectorEnv, AutoresetMode
 
 import hybrid_env
 from hybrid_env import ArgumentError, HybridTrackEnv, Sensor
-from hybrid_env.registration import make_track_vector_env
 
 SENSORS = (
     Sensor(variance=0.4, period=2),
@@ -21,17 +19,14 @@ SENSORS = (
 )
 CHECKED = [
     *((env_id, {}) for env_id in hybrid_env.ENVIRONMENTS),
-    pytest.param(
-        "HybridTrackPublished-v0",
-        {"missed": 0.1, "sensors": SENSORS},
-        marks=pytest.mark.filterwarnings("ignore:.*:UserWarning"),
-    ),
+    ("HybridTrackPublished-v0", {"missed": 0.1, "sensors": SENSORS}),
+    ("HybridTrack-v0", {"missed": 0.9, "bank_info": True}),
+    ("HybridTrackQuickest-v0", {"missed": 0.9}),
 ]
 
 
 @pytest.mark.parametrize(("env_id", "options"), CHECKED)
 def test_the_checkers_of_gymnasium_and_stable_baselines3_pass(env_id, options):
-    # Gymnasium's checker compares the info of two first ticks, where NaN would not equal NaN.
     pytest.importorskip("matplotlib")
     sb3 = pytest.importorskip("stable_baselines3.common.env_checker")
     env = gym.make(env_id, render_mode="rgb_array", **options).unwrapped
@@ -54,13 +49,46 @@ def test_processes_create_the_environment_by_module_and_id():
         env.close()
 
 
-def test_longer_episodes_need_a_larger_limit_or_none():
+@pytest.mark.parametrize("env_id", ["HybridTrack-v0", "HybridTrackQuickest-v0"])
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
+def test_a_limit_of_steps_truncates_as_in_synchronous_environments(env_id, mode):
+    options = {"max_episode_steps": 7}
+    options |= {"scheme": "S4 S5"} if env_id == "HybridTrack-v0" else {"ticks": 7}
+    ours = gym.make_vec(env_id, 3, autoreset_mode=mode, **options)
+    theirs = gym.make_vec(
+        env_id,
+        3,
+        vectorization_mode="sync",
+        vector_kwargs={"autoreset_mode": AutoresetMode(mode)},
+        **options,
+    )
+    np.testing.assert_array_equal(ours.reset(seed=1)[0], theirs.reset(seed=1)[0])
+    generator = np.random.default_rng(0)
+    truncated = 0
+    for _ in range(40):
+        actions = np.where(generator.random(3) < 0.2, 1, 0)
+        mine, other = ours.step(actions), theirs.step(actions)
+        np.testing.assert_equal(mine[:4], other[:4])
+        final = [list(step[4].get("final_obs", [])) for step in (mine, other)]
+        np.testing.assert_equal(*final)
+        truncated += mine[3].sum()
+
+    assert truncated > 0
+
+
+def test_episodes_end_at_the_limit_of_the_id_unless_another_is_given():
     env_id, options = "HybridTrackPublished-v0", {"scheme": "S10001"}
-    refused(gym.make(env_id, **options).reset)
-    refused(gym.make_vec, env_id, 2, **options)
-    for limit in (-1, 20_000, None):
-        assert gym.make_vec(env_id, 2, max_episode_steps=limit, **options).reset(seed=0)
-    assert make_track_vector_env(env_id, 2, **options).reset(seed=0)
+    for limit, last in (({}, 10_000), ({"max_episode_steps": -1}, 10_001)):
+        for env, wait in (
+            (gym.make(env_id, **options, **limit), 0),
+            (gym.make_vec(env_id, 2, **options, **limit), [0, 0]),
+        ):
+            env.reset(seed=0)
+            for _ in range(9999):
+                env.step(wait)
+            *_, terminated, truncated, _ = env.step(wait)
+            assert np.all(truncated) == (last == 10_000)
+            assert not np.any(terminated)
 
 
 def test_the_keys_declare_straight_left_and_right():

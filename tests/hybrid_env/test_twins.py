@@ -89,9 +89,10 @@ def test_the_layouts_read_the_true_state_and_the_measurement_relative_to_the_anc
         anchor = info["anchor"]
         truth = info["truth"]
         places = [0, 2]
-        missing = np.isnan(info["measurement"][:, 0])
+        measurement = raw.world.field("measurement")
+        missing = np.isnan(measurement[:, 0])
         along, across = in_heading_frame(
-            (info["measurement"] - anchor[:, places]) / np.sqrt(R),
+            (measurement - anchor[:, places]) / np.sqrt(R),
             anchor,
         )
         common = {"ticks": tick, "ticks_left": 12 - tick, "log_noise": 0.0}

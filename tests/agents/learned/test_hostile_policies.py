@@ -26,7 +26,7 @@ from hostile_policies import (
     write_zip,
 )
 from stable_baselines3 import PPO
-from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
+from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecNormalize
 
 from agents.evaluation.registry import find_decider
 from agents.interface.world_arguments import TRUST
@@ -148,6 +148,25 @@ def test_statistics_beside_a_trusted_model_normalise_its_rows(tmp_path, monkeypa
     for seen in rows(4):
         expected, _ = model.predict(env.normalize_obs(seen), deterministic=True)
         np.testing.assert_array_equal(decider.predict(seen)[0], expected)
+
+
+@pytest.mark.parametrize("trust", ["0", "1"])
+def test_stacked_rows_are_refused_by_their_reason(tmp_path, monkeypatch, trust):
+    env = VecFrameStack(DummyVecEnv([lambda: gym.make(ENV)]), 4)
+    # Without trust the layers are read, with it a policy of other layers is unpickled.
+    layers = {"activation_fn": torch.nn.Softplus} if trust == "1" else {}
+    PPO("MlpPolicy", env, policy_kwargs=layers).save(tmp_path / "model.zip")
+    monkeypatch.setenv(TRUST, trust)
+
+    message = refused(find_decider, str(tmp_path / "model.zip"), OPTIONS)
+    assert f"4 stacked rows of {WIDTH} numbers" in message
+
+
+def test_normalised_observations_of_gymnasium_are_noticed(tmp_path):
+    env = gym.wrappers.NormalizeObservation(gym.make(ENV))
+    PPO("MlpPolicy", env).save(tmp_path / "model.zip")
+    with pytest.warns(UserWarning, match="was trained on observations without bounds"):
+        find_decider(str(tmp_path / "model.zip"), OPTIONS)
 
 
 def test_other_statistics_are_refused_with_trust(tmp_path, monkeypatch, trained):
