@@ -302,7 +302,7 @@ def parse_modes(value: Any, name: str = "modes") -> tuple[Mode, ...] | None:
     if value is None:
         return None
     modes: list[Mode] = []
-    parts = value.split(",") if isinstance(value, str) else value
+    parts = [part.strip() for part in value.split(",")] if isinstance(value, str) else value
     for part in parts[: MOST_MODES + 1] if isinstance(parts, (tuple, list)) else [value]:
         mode = mode_of(part)
         if mode is None:

@@ -77,6 +77,8 @@ class Failing(OwnNoise):
 @pytest.mark.parametrize("cases", counts(3, 100))
 def test_a_law_that_raises_leaves_no_measurement_behind(cases, monkeypatch):
     monkeypatch.setattr(sys, "unraisablehook", lambda raised: None)
+    # Its code is compiled.
+    simulate("S1", noise=Failing(2.0, 2.0))
     raised = 0
     for seed in range(cases):
         generator = np.random.default_rng(seed)

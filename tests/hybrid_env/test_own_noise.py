@@ -115,10 +115,10 @@ def test_a_law_that_raises_in_an_episode_raises_in_its_step(threads, monkeypatch
     printed = []
     monkeypatch.setattr(sys, "unraisablehook", lambda raised: printed.append(str(raised.exc_value)))
     env = HybridTrackVectorEnv(1000, threads=threads, noise=Raising())
+    env.reset(seed=1)
 
     def run():
-        for seed in range(50):
-            env.reset(seed=seed)
+        for _ in range(50):
             env.step(np.zeros(1000, int))
 
     with pytest.raises(ArgumentError, match="noise: `draw` raised the exception"):
