@@ -409,11 +409,6 @@ def _recording(
     gap: float | None,
 ) -> Recording:
     """Return the recording of an object; `marked`: the rows are known to be of one object."""
-    count = int((~np.isnan(places.values[rows]).any(axis=1)).sum())
-    if count < 2:
-        raise ArgumentError(
-            f"{table.file}: {name} has {count} measured positions: expected at least two"
-        )
     already = cleaning.lost(table)
     total = len(rows)
     rows, seconds = cleaning.ordered_rows(table, times.seconds, rows, places.values, marked)
@@ -423,6 +418,10 @@ def _recording(
     positions = places.values[rows]
     projection = None
     measured = np.flatnonzero(~np.isnan(positions).any(axis=1))
+    if len(measured) < 2:
+        raise ArgumentError(
+            f"{table.file}: {name} has {len(measured)} measured positions: expected at least two"
+        )
     if places.unit is None and cleaning.look_like_degrees(seconds[measured], positions[measured]):
         (west, south), (east, north) = (
             positions[measured].min(axis=0),

@@ -259,7 +259,10 @@ def since_1970(seconds: FloatArray, kind: str) -> Times:
     """Return times since the earliest of seconds since 1970, without those of a clock that is
     not set.
     """
-    far = np.abs(seconds - np.nanmedian(seconds)) > FAR_CLOCK
+    known = np.sort(seconds[~np.isnan(seconds)])
+    if not len(known):
+        return Times(seconds, None, kind)
+    far = np.abs(seconds - known[(len(known) - 1) // 2]) > FAR_CLOCK
     seconds = np.where(far, np.nan, seconds)
     start = float(np.nanmin(seconds))
     epoch = pd.Timestamp(round(start * 1e6), unit="us").isoformat() + "Z"
