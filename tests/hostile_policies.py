@@ -13,7 +13,7 @@ from hybrid_env import HybridTrackVectorEnv, WorldOptions
 
 ENV = "hybrid_env:HybridTrack-v0"
 OPTIONS = WorldOptions(scheme="random 2x20-25")
-WIDTH, ACTIONS, HIDDEN = 28, 4, 8
+WIDTH, ACTIONS, HIDDEN = 29, 4, 8
 
 
 def rows(steps=12):

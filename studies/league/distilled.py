@@ -43,7 +43,7 @@ class DistilledDecider(SegmentDecider):
     network = DistilledNet
 
     def advance(self, rows: Rows, ticks: Tensor, state: Any) -> tuple[Tensor, None]:
-        inputs = map(torch.from_numpy, row_inputs(rows, self.world.tau))
+        inputs = map(torch.from_numpy, row_inputs(rows))
         return self.net(*inputs).double().exp(), None
 
 

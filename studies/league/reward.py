@@ -77,7 +77,7 @@ class RewardDecider(SegmentDecider):
     network = RewardNet
 
     def advance(self, rows: Rows, ticks: Tensor, state: Tensor | None) -> tuple[Tensor, Tensor]:
-        inputs, logs = map(torch.from_numpy, row_inputs(rows, self.world.tau))
+        inputs, logs = map(torch.from_numpy, row_inputs(rows))
         memory = self.net.features(inputs)
         if state is not None:
             memory = memory + torch.where((ticks > 1)[:, None, None], state, 0.0)

@@ -33,17 +33,14 @@ def sides(hypotheses: int) -> NDArray[np.float32]:
     return np.repeat(np.array([0, 1, -1], np.float32), [1, hypotheses // 2, hypotheses // 2])
 
 
-def row_inputs(rows: Rows, tau: float) -> tuple[Rows, Rows]:
+def row_inputs(rows: Rows) -> tuple[Rows, Rows]:
     """Return the inputs of each turn hypothesis (N, M - 1, 33), and the logarithm of the bank's
     posterior (N, M). Other modes take the places of straight motion, the first one, and of turns,
-    which are not mirrored.
-
-    The rows are (N, width), and a tick has the length tau [s].
+    which are not mirrored. The rows are (N, width).
     """
     layout = Layout.of_rows(rows)
     read = {name: layout.read(rows, name).astype(np.float32) for name in layout.slices}
     ratio = read["log_ratio"]
-    speed = np.maximum(read["speed"], SMALLEST)
     ticks = read["ticks"]
     posterior = np.exp(ratio)
     posterior /= posterior.sum(-1, keepdims=True)
@@ -56,7 +53,7 @@ def row_inputs(rows: Rows, tau: float) -> tuple[Rows, Rows]:
         0.5 * read["innovation_across"].clip(-6.0, 6.0),
         read["log_variance"],
         read["previous"],
-        10.0 * read["curvature"] * (speed * np.float32(tau))[:, None],
+        10.0 * read["turn_angle"],
     ]
     across = 0.1 * read["displacement_across"]
     of_track = [
@@ -66,13 +63,13 @@ def row_inputs(rows: Rows, tau: float) -> tuple[Rows, Rows]:
         0.05 * read["displacement_along"],
         np.clip(across / (ticks / 5.0 + 0.1), -3.0, 3.0),
         0.5 * _log(read["anchor_xx"]),
-        0.5 * _log(read["anchor_vv"] * np.float32(tau * tau)) + 2.0,
-        read["anchor_xv"] * np.float32(tau),
-        0.5 * (_log(speed * np.float32(tau)) - 0.5 * read["log_noise"]),
+        0.5 * _log(read["anchor_vv"]) + 2.0,
+        read["anchor_xv"],
+        0.5 * _log(read["speed"]),
     ]
     # A mirrored trajectory changes the sign of these columns: the lateral innovation and the
-    # curvature, and of the track the two of the lateral displacement.
-    side = np.where(read["curvature"][:, 1:] < 0.0, np.float32(-1.0), np.float32(1.0))
+    # turn, and of the track the two of the lateral displacement.
+    side = np.where(read["turn_angle"][:, 1:] < 0.0, np.float32(-1.0), np.float32(1.0))
     out = turn_views(
         np.stack(of_hypotheses, -1),
         logs,
@@ -321,7 +318,7 @@ class SegmentAlgorithm(NetworkAlgorithm):
         """Return the arrays (n, ...) that the loss needs of rows (n, width) of segments of some
         lengths.
         """
-        return row_inputs(rows, self.world.tau)
+        return row_inputs(rows)
 
     def train_round(self) -> tuple[int, float, float, dict[str, float]]:
         # Episodes of training begin at 10^12, 10^9 apart for each training seed.

@@ -85,7 +85,7 @@ class TandemDecider(SegmentDecider):
         ticks: Tensor,
         state: tuple[Tensor, Tensor] | None,
     ) -> tuple[Tensor, tuple[Tensor, Tensor]]:
-        inputs, order = torch.from_numpy(row_inputs(rows, self.world.tau)[0]), self.net.order
+        inputs, order = torch.from_numpy(row_inputs(rows)[0]), self.net.order
         now = inputs[:, None]
         before = (
             now.expand(

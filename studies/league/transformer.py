@@ -27,18 +27,13 @@ from studies.league.segments import (
 )
 
 
-def raw_inputs(rows: Rows, tau: float) -> tuple[Rows]:
-    """Return the inputs of each turn hypothesis (N, M - 1, 11), from rows (N, width) and the tick
-    tau [s].
-    """
+def raw_inputs(rows: Rows) -> tuple[Rows]:
+    """Return the inputs of each turn hypothesis (N, M - 1, 11), from rows (N, width)."""
     layout = Layout.of_rows(rows)
     read = {name: layout.read(rows, name) for name in layout.slices}
     side = sides(layout.hypotheses)
     ticks = read["ticks"][:, None]
-    # In a tick.
-    distance = np.maximum(read["speed"] * tau, SMALLEST)[:, None]
-    # In units of the noise.
-    pace = distance * np.exp(-0.5 * read["log_noise"])[:, None]
+    pace = np.maximum(read["speed"], SMALLEST)[:, None]
     ahead = read["displacement_along"][:, None] - pace * ticks
     across = read["displacement_across"][:, None] * side[1:]
     longer = ticks / 5.0 + 1.0
@@ -53,7 +48,7 @@ def raw_inputs(rows: Rows, tau: float) -> tuple[Rows]:
         ticks / 50.0 - 0.5,
         np.log(np.maximum(ticks, 1.0)) - 2.0,
         np.log(pace),
-        10.0 * read["curvature"][:, 1:] * side[1:] * distance,
+        10.0 * read["turn_angle"][:, 1:] * side[1:],
         straight,
         turns,
         (1.0 - straight) * kind * side[1:],
@@ -162,7 +157,7 @@ class TransformerDecider(SegmentDecider):
     network = TransformerNet
 
     def advance(self, rows: Rows, ticks: Tensor, state: Tensor | None) -> tuple[Tensor, Tensor]:
-        inputs = torch.from_numpy(raw_inputs(rows, self.world.tau)[0])
+        inputs = torch.from_numpy(raw_inputs(rows)[0])
         if state is None:
             state = torch.zeros(
                 *inputs.shape[:2],
@@ -179,7 +174,7 @@ class Transformer(SegmentAlgorithm):
     decider = TransformerDecider
 
     def inputs(self, rows: Rows, lengths: NDArray[np.int64]) -> tuple[Rows]:
-        return raw_inputs(rows, self.world.tau)
+        return raw_inputs(rows)
 
     def loss(self, inputs: list[Tensor], segments: Segments) -> Tensor:
         """Return the mean cross-entropy of the true modes over all rows."""

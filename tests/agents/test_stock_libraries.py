@@ -53,7 +53,7 @@ def test_tianshou_collects_steps_of_a_policy():
 
     workers = env.DummyVectorEnv([lambda: gym.make(EASY) for _ in range(2)])
     actor = DiscreteActor(
-        preprocess_net=Net(state_shape=(28,), hidden_sizes=[16]),
+        preprocess_net=Net(state_shape=(29,), hidden_sizes=[16]),
         action_shape=4,
         softmax_output=False,
     )

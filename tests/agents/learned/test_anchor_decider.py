@@ -51,10 +51,10 @@ def mirrored(rows):
         "innovation_across",
         "log_variance",
         "previous",
-        "curvature",
+        "turn_angle",
     ):
         out[:, layout.slices[name]] = rows[:, layout.slices[name]][:, order]
-    for name in ("innovation_across", "curvature", "displacement_across"):
+    for name in ("innovation_across", "turn_angle", "displacement_across"):
         out[:, layout.slices[name]] *= -1
     return out, order
 

@@ -98,7 +98,7 @@ def test_layers_of_ones_own_need_trust(tmp_path, monkeypatch):
 def test_an_onnx_file_of_logits_or_of_actions_decides(tmp_path):
     pytest.importorskip("onnxruntime")
     onnx = pytest.importorskip("onnx")
-    weights = {"weight": np.random.default_rng(0).normal(size=(28, 4)).astype(np.float32)}
+    weights = {"weight": np.random.default_rng(0).normal(size=(29, 4)).astype(np.float32)}
     logits = node("MatMul", "x weight", "y")
     actions = [
         node("MatMul", "x weight", "logits"),

@@ -44,7 +44,7 @@ def statement_rows(stated):
 def random_rows(kind, count):
     if kind is StatementPolicyDecider:
         return statement_rows(np.random.default_rng(1).integers(0, 3, count).tolist())
-    return np.random.default_rng(0).normal(0, 1, (count, 28)).astype(np.float32)
+    return np.random.default_rng(0).normal(0, 1, (count, 29)).astype(np.float32)
 
 
 @pytest.mark.parametrize("kind", [PolicyDecider, StatementPolicyDecider])
@@ -82,7 +82,7 @@ def test_a_statement_changes_if_the_log_odds_exceed_the_margin(margin):
 
 def test_the_observed_quantities_can_be_selected():
     space = HybridTrackVectorEnv(1).single_observation_space
-    rows = torch.randn(5, 28)
+    rows = torch.randn(5, 29)
     selected = ObservationFeatures(space, ("posterior", "ticks", "innovation_along"))(rows)
 
     torch.testing.assert_close(selected[:, :3], torch.softmax(10 * rows[:, :3], -1))
