@@ -25,6 +25,9 @@ import numpy as np
 from annotated_types import BaseMetadata, Ge, GroupedMetadata, Gt, Interval
 from numpy.typing import ArrayLike, NDArray
 
+from hybrid_env.core.errors import ArgumentError as ArgumentError
+from hybrid_env.core.errors import shorten
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
@@ -43,15 +46,6 @@ Probability = Annotated[float, Interval(gt=0.0, lt=1.0)]
 
 # Magnitude of an element of an array; its square must not overflow.
 LARGEST_NUMBER = 1e30
-
-
-class ArgumentError(ValueError):
-    """An argument has a value that is not allowed: the error of all classes and functions. The
-    message is one line.
-    """
-
-    def __init__(self, message: str):
-        super().__init__(_shorten(" ".join(message.split()), 300))
 
 
 class KeywordError(ArgumentError, TypeError):
@@ -76,21 +70,13 @@ class Checked:
         check_fields(self)
 
 
-def _shorten(text: str, longest: int) -> str:
-    """Replace the middle of a long text by dots."""
-    if len(text) <= longest:
-        return text
-    part = (longest - 3) // 2
-    return f"{text[:part]}...{text[-part:]}"
-
-
 def reject(name: str, value: Any, allowed: str) -> ArgumentError:
     """Return the error for a value that is not allowed. The caller raises it."""
     # Does not print all of a nested or a large value.
     short = reprlib.Repr()
     short.maxstring = short.maxother = short.maxlong = 120
     short.maxlevel = 3
-    shown = _shorten(short.repr(value), 120)
+    shown = shorten(short.repr(value), 120)
     return ArgumentError(f"{name}={shown} is not allowed: expected {allowed}")
 
 
@@ -105,7 +91,7 @@ def unknown(name: str, value: Any, known: Iterable[str], otherwise: str = "") ->
     """
     names = list(known)
     words = _nearest(value, names) or otherwise or f"expected one of {', '.join(names)}"
-    return ArgumentError(f"{name}={_shorten(repr(value), 120)} does not exist: {words}")
+    return ArgumentError(f"{name}={shorten(repr(value), 120)} does not exist: {words}")
 
 
 def _nearest(value: Any, names: Iterable[str]) -> str:

@@ -33,8 +33,7 @@ def test_a_file_imports_only_what_its_folder_may(path):
     for name in imported(tree):
         other, part, *_ = [*name.split("."), ""]
         if path.is_relative_to(ROOT / "hybrid_env/core") and other == package:
-            # The error of the package, which a law of the noise raises.
-            assert part in ("", "core") or (path.stem, part) == ("noise", "checks"), name
+            assert part in ("", "core"), name
         if other == package and folder in order and part in order:
             assert order.index(part) <= order.index(folder), name
         # Numba is used by its public interface.

@@ -13,9 +13,9 @@ import numpy as np
 from numba import carray, cfunc, njit, types
 from numpy.typing import NDArray
 
-from hybrid_env.checks import ArgumentError
 from hybrid_env.core.compilation import formula, inlined, internal
 from hybrid_env.core.elementary import ONE, exp, float_of, log, sine_cosine
+from hybrid_env.core.errors import ArgumentError
 from hybrid_env.core.memory import LANES, FloatArray, address_as
 
 # Laws of the measurement noise; the last one calls a function of the user.
