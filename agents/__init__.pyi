@@ -2,6 +2,7 @@ from agents.algorithms import find_algorithm as find_algorithm
 from agents.algorithms.statements import Statements as Statements
 from agents.algorithms.statements import StatementSettings as StatementSettings
 from agents.cli import run_command as run_command
+from agents.evaluation.bound import bound_scores as bound_scores
 from agents.evaluation.registry import find_decider as find_decider
 from agents.evaluation.selection import select_threshold as select_threshold
 from agents.evaluation.task import Task as Task

@@ -22,7 +22,7 @@ from agents.training.recipe import load_recipe
 from agents.training.runs import make_run
 from baselines.rules.decider import Decider
 from baselines.scoring.estimates import Estimate
-from hybrid_env.checks import check_integer, of_keywords
+from hybrid_env.checks import check_integer, of_keywords, reject
 
 
 def load(decider: Any, env_id: str = DEFAULT_ENV, **options: Any) -> Decider:
@@ -30,9 +30,15 @@ def load(decider: Any, env_id: str = DEFAULT_ENV, **options: Any) -> Decider:
     "mine.py:Rule", or itself.
 
     Raises:
-        ArgumentError: no decider of the environment has this name, or an option is not allowed.
+        ArgumentError: no decider of the environment has this name, or an option is not allowed. A
+            decider with filters of its own, as "shipped", reads the row of every tick.
     """
-    return load_decider(decider, task_of(env_id, options).options)
+    world = task_of(env_id, options).options
+    loaded = load_decider(decider, world)
+    if loaded.every_tick and world.decide_every > 1:
+        allowed = f"1 for {decider!r}, which reads every tick"
+        raise reject("decide_every", world.decide_every, allowed)
+    return loaded
 
 
 def evaluate(

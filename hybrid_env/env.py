@@ -188,9 +188,9 @@ class HybridTrackEnv(TrackEnv):
     exact. The agent observes how well each hypothesis explains the measurements, and either waits
     for the next measurement or declares a hypothesis.
 
-    With `decide_every=5` a decision is asked for every five ticks: a wait lasts to the next
+    With `decide_every=8` a decision is asked for every eight ticks: a wait lasts to the next
     multiple of it in the segment, or to the end of the segment, and the first decision of a segment
-    comes at its fifth tick.
+    comes at its eighth tick.
 
     With `evidence` above 0 a declaration counts once a posterior reaches it: that of a mode, or
     where the type is rewarded that of straight, left or right. All hypotheses have equal priors at
@@ -316,12 +316,14 @@ class HybridTrackEnv(TrackEnv):
     All ids have ticks of 0.1 s, 2 m/s, Q 0.001, R 0.1 and 6 segments of 50 to 100 ticks. With 21
     hypotheses the type is rewarded, and a tick costs 0.01; with three it costs 0.02.
 
-    | Id | Hypotheses | `bank` | `evidence` | `actions` | `follow` |
+    | Id | Hypotheses | `bank` | `decide_every` | `actions` | `follow` |
     |---|---|---|---|---|---|
-    | HybridTrack-v0 | S, L5, R5 | anchor_aware | 0.95 | all | declared |
-    | HybridTrackBank-v0 | S, L1 .. L10, R1 .. R10 | anchor_aware | 0.95 | types | bank |
-    | HybridTrackPublished-v0 | S, L5, R5 | published | 0 | all | declared |
-    | HybridTrackPublishedBank-v0 | S, L1 .. L10, R1 .. R10 | published | 0 | all | declared |
+    | HybridTrack-v0 | S, L5, R5 | anchor_aware | 8 | all | declared |
+    | HybridTrackBank-v0 | S, L1 .. L10, R1 .. R10 | anchor_aware | 8 | types | bank |
+    | HybridTrackPublished-v0 | S, L5, R5 | published | 1 | all | declared |
+    | HybridTrackPublishedBank-v0 | S, L1 .. L10, R1 .. R10 | published | 1 | all | declared |
+
+    HybridTrackRaw-v0 is HybridTrack-v0 with `observation="raw"`.
 
     ## References
     Golubkov, Tsyganov and Tsyganova 2018 (model, bank, algorithm ATE); Wald 1947 (sequential

@@ -15,9 +15,11 @@ if TYPE_CHECKING:
 BANK_RADII = tuple(float(radius) for radius in range(1, 11))
 # With 21 hypotheses the type is rewarded.
 TYPES = {"radii": BANK_RADII, "correctness": "type", "delay_cost": 0.01}
-AWARE = {"bank": "anchor_aware", "evidence": 0.95}
+# Evidence grows as the fourth power of time: at first one more tick of waiting does not pay.
+AWARE = {"bank": "anchor_aware", "decide_every": 8}
 ENVIRONMENTS: dict[str, dict[str, object]] = {
     "HybridTrack-v0": AWARE,
+    "HybridTrackRaw-v0": {**AWARE, "observation": "raw"},
     "HybridTrackBank-v0": {
         **AWARE,
         **TYPES,

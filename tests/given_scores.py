@@ -104,4 +104,4 @@ def comparison(task, *every, agents=0):
         accuracy=None,
         curves=True,
     )
-    return Comparison(plan, entries)
+    return Comparison(plan, entries, None)

@@ -90,9 +90,7 @@ WALL_CLOCK = ("seconds", "time/fps", "time/time_elapsed")
 
 def log_often(set_value=setattr):
     """Evaluate often and briefly, so that a small training writes several lines of metrics."""
-    set_value(LearningCurve, "first", 600.0)
     set_value(LearningCurve, "episodes", 5)
-    set_value(LearningCurve, "reference_reward", 0.5)
 
 
 def small_run(kind, folder=None, steps=STEPS, seed=3):

@@ -37,13 +37,15 @@ class StoppingSettings(WorldsSettings):
     passes: Count
     # Bounds of the delay cost; half of the environments have one drawn between them.
     delay_costs: Factors = (0.003, 0.05)
-    # Agent whose other networks are used, with as many hidden units; or its run folder.
+    # Largest number of ticks between decisions; half of the environments have one from 1 on.
+    most_ticks: Count = 12
+    # Agent whose networks are used, with as many hidden units; or its run folder.
     agent: str = "shipped"
 
 
 class Stopping(WorldsAlgorithm):
-    """A training run of the learned stop; the other networks of the agent are read and stay as
-    they are.
+    """A training run of the learned stop, which goes on from that of an agent; its other networks
+    stay as they are.
     """
 
     name = "stopping"
@@ -51,24 +53,28 @@ class Stopping(WorldsAlgorithm):
     settings: StoppingSettings
 
     def create_network(self) -> nn.Module:
-        """See `NetworkAlgorithm.create_network`; with the networks of the anchor agent."""
+        """See `NetworkAlgorithm.create_network`; the networks are those of the anchor agent."""
         network: Any = super().create_network()
         weights = load_policy(policy_folder(self.settings.agent, ANNOUNCED)).weights
-        stop = {f"stopping.{name}": part for name, part in network.stopping.state_dict().items()}
         try:
-            load_weights(network, weights | stop)
+            load_weights(network, weights)
         except ValueError as error:
             allowed = f"an anchor agent of {self.settings.hidden} units ({error})"
             raise reject("agent", self.settings.agent, allowed) from None
         return network
 
     def changed_world(self, world: WorldOptions, generator: np.random.Generator) -> WorldOptions:
-        """See `WorldsAlgorithm.changed_world`: half of the environments have another delay cost."""
-        if generator.random() >= 0.5:
-            return world
-        costs = self.settings.delay_costs
-        cost = float(log_uniform(generator, min(costs), max(costs)))
-        return WorldOptions(**{**vars(world), "delay_cost": cost})
+        """See `WorldsAlgorithm.changed_world`: half of the environments have another delay cost,
+        and half of them other ticks between decisions.
+        """
+        changes: dict[str, Any] = {}
+        if generator.random() < 0.5:
+            costs = self.settings.delay_costs
+            changes["delay_cost"] = float(log_uniform(generator, min(costs), max(costs)))
+        if generator.random() < 0.5:
+            longest = min(self.settings.most_ticks, world.shortest_segment)
+            changes["decide_every"] = round(log_uniform(generator, 1, longest))
+        return WorldOptions(**{**vars(world), **changes})
 
     def draw_margins(self, generator: np.random.Generator, tracks: int) -> FloatArray:
         """See `WorldsAlgorithm.draw_margins`: infinite where a segment runs to its end."""
@@ -106,7 +112,7 @@ def paths_of(explorer: Explorer) -> tuple[Float32Array, Float32Array, IntArray]:
     """Run the episodes of an agent in training; return the S segments that ran to their ends.
 
     Returns:
-        (n, 30) inputs of the network, one segment after the other; (n,) rewards of a declaration
+        (n, 31) inputs of the network, one segment after the other; (n,) rewards of a declaration
         at each decision, what it costs in the next segment included; and (S,) numbers of decisions.
     """
     env, world = explorer.env, explorer.world

@@ -15,6 +15,7 @@ import tyro
 from rich.console import Console
 from rich.progress import Progress
 
+from agents.evaluation.bound import bound_scores
 from agents.evaluation.cells import counted
 from agents.evaluation.registry import (
     check_name,
@@ -200,10 +201,8 @@ class Compare(WorldArguments, TrustArguments, Workers):
         """
         every = [self.find(name) for name in self.deciders]
         trained = [not isinstance(each, Decider) for each in every]
-        titles = [
-            each.name if train else each.title for each, train in zip(every, trained, strict=True)
-        ]
-        described = zip(distinct_titles(self.deciders, titles), trained, strict=True)
+        titles = distinct_titles(self.deciders, [each.title for each in every])
+        described = zip(titles, trained, strict=True)
         return dict(zip(self.deciders, described, strict=True))
 
     def compare(self, folder: Path | None, progress: Progress) -> "Comparison":
@@ -229,7 +228,10 @@ class Compare(WorldArguments, TrustArguments, Workers):
                 call: functools.partial(self.score, folder, *call, said[call]) for call in order
             }
             scored = dict(self.results(calls, lambda call: said[call]("", 1.0, 1.0)))
-        return Comparison(self, [scored[call] for call in planned])
+        bound = None
+        if self.task.waits:
+            bound = bound_scores(self.task, self.episodes or 0, self.seed)
+        return Comparison(self, [scored[call] for call in planned], bound)
 
     def score(self, folder: Path | None, name: Any, seed: int, report: Report) -> Result:
         """Train a decider if needed, select its threshold and score it; return it with its name,

@@ -29,6 +29,8 @@ class Comparison:
     plan: Any
     # Of all deciders; the first is the reference.
     entries: Sequence[Result]
+    # See `bound_scores`.
+    bound: Scores | None
 
     @cached_property
     def levels(self) -> tuple[Metric, ...]:
@@ -79,6 +81,15 @@ class Comparison:
         rules = [entry for entry in self.entries if not entry.learned]
         return max(rules or self.entries[:1], key=lambda entry: entry.selected)
 
+    @cached_property
+    def of_bound(self) -> dict[str, Estimate]:
+        """The reward of the bound, and less that of the best rule; empty without a bound."""
+        if self.bound is None:
+            return {}
+        reward, best = self.plan.task.statistic("reward"), self.best_rule
+        less = self.bound.difference(best.scores, reward, 0, best.chosen)
+        return {"reward": self.bound.estimate(reward, 0), "less": less}
+
     @property
     def seed_groups(self) -> dict[str, list[Result]]:
         """Results by name; those of one recipe, with different training seeds, are one group."""
@@ -89,7 +100,8 @@ class Comparison:
 
     def picture(self) -> Figure:
         """Return the figure of the operating curves."""
-        return comparison_figure(self.plan.task, self.seed_groups)
+        bound = self.of_bound["reward"].value if self.of_bound else None
+        return comparison_figure(self.plan.task, self.seed_groups, bound)
 
     def largest_difference(self) -> tuple[Result, int]:
         """The best agent, or without one the best rule, and the episode in which it differs most
@@ -123,6 +135,7 @@ class Comparison:
             "plan": self.plan.settings,
             "selection": {"seed": seeds.SELECTION, "episodes": self.plan.selection_episodes},
             "best_rule": self.best_rule.name,
+            "bound": self.of_bound,
             "deciders": deciders,
         }
 
@@ -134,7 +147,7 @@ class Comparison:
         criterion = "the best reward" if plan.accuracy is None else f"{plan.accuracy:.1%} accuracy"
         title = f"{task.title}: {task.size(plan.episodes)}, common to all"
         notes = f"Thresholds for {criterion}, selected on other episodes.\n"
-        yield scores_table(self.entries, self.best_rule, title, notes)
+        yield scores_table(self.entries, self.best_rule, title, notes, self.of_bound)
         if plan.curves:
             yield self._levels_table()
         title, metrics = task.further

@@ -65,8 +65,13 @@ class Episodes:
             changes["actions"] = "all"
         self.task, self.name = task.changed(changes), name
         given = {"render_mode": "rgb_array", **self.task.given}
+        options = make_track_vector_env(task.env_id, 1, **given).options
+        self.decider = load_decider(name, options) if decider is None else decider
+        # Between decisions that the environment does not ask for.
+        self.every = options.decide_every if self.decider.every_tick else 1
+        if self.every > 1:
+            given["decide_every"] = 1
         self.env = make_track_vector_env(task.env_id, 1, **given)
-        self.decider = load_decider(name, self.env.options) if decider is None else decider
         self.of_filters = of_filters
         # The running episode.
         self.history = History(self.env.options, self.decider.panel())
@@ -80,7 +85,7 @@ class Episodes:
         """
         self.rewards = []
         row = 0
-        for now in rollout(self.env, self.decider, seed):
+        for now in rollout(self.env, self.decider, seed, decide_every=self.every):
             if now.step:
                 self.rewards.append((row, float(now.rewards[0])))
             if now.terminated[0]:

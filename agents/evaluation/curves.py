@@ -70,8 +70,9 @@ def _selected(drawn: Sequence[Curve]) -> FloatArray:
     return np.concatenate([np.reshape(curve.selected, (-1, 2)) for curve in drawn]).T
 
 
-def _announced_panels(task: Any, groups: Groups) -> list[Panel]:
-    """Return accuracy and mean reward against mean decision time.
+def _announced_panels(task: Any, groups: Groups, bound: float | None) -> list[Panel]:
+    """Return accuracy and mean reward against mean decision time; the bound on the reward is a
+    dashed line.
 
     The accuracy axis is logarithmic in the error rate, so that 98 % and 99 % are
     distinguishable. No error among n segments is drawn as half an error.
@@ -97,6 +98,7 @@ def _announced_panels(task: Any, groups: Groups) -> list[Panel]:
     reward = Axis(
         "mean reward per segment",
         (min(-0.4 * abs(best), best - 0.5, earned.min() - 0.08), best + 0.08),
+        levels=() if bound is None else (bound,),
     )
     cost = f"Mean reward per segment, delay cost {task.options.delay_cost:g} per tick"
     return [
@@ -158,18 +160,21 @@ def _identification_panels(groups: Groups) -> list[Panel]:
     return parts
 
 
-def panels(task: Task, groups: Groups) -> list[Panel]:
-    """Return the operating curves of deciders, the reference first."""
-    return (_announced_panels if task.waits else _unknown_panels)(task, groups)
+def panels(task: Task, groups: Groups, bound: float | None = None) -> list[Panel]:
+    """Return the operating curves of deciders, the reference first. bound: on the mean reward."""
+    if task.waits:
+        return _announced_panels(task, groups, bound)
+    return _unknown_panels(task, groups)
 
 
-def comparison_figure(task: Task, groups: Groups) -> Figure:
+def comparison_figure(task: Task, groups: Groups, bound: float | None = None) -> Figure:
     """Return the figure of a comparison, see `panels`."""
-    parts = panels(task, groups)
+    parts = panels(task, groups, bound)
     options = task.options
     variances = " and ".join(f"{variance:g}" for variance in options.variances)
     title = f"{task.title}: {options.hypotheses} hypotheses, R = {variances} m²"
     note = "Filled markers: thresholds selected on other episodes."
+    note += "" if bound is None else " Upper dashed line on the right: the bound."
     if not task.waits:
         title += f", segments of {options.law} ticks"
         note += " A switch that is not detected counts until the end of its segment."

@@ -73,10 +73,17 @@ class Result:
         return {"name": self.name, "threshold": threshold, **self.estimates, **extra}
 
 
-def scores_table(results: Sequence[Result], best: Result, title: str, notes: str = "") -> Table:
+def scores_table(
+    results: Sequence[Result],
+    best: Result,
+    title: str,
+    notes: str = "",
+    bound: Mapping[str, Estimate] | None = None,
+) -> Table:
     """Return a table of the metrics of deciders, and of the paired differences to `best`.
 
-    The notes stand before the explanation of the metrics, each line with its end.
+    The notes stand before the explanation of the metrics, each line with its end. `bound` has the
+    reward of the bound and its paired difference, see `bound.bound_scores`.
     """
     task = best.task
     reward = next(metric for metric in task.metrics if metric.name == "reward")
@@ -107,6 +114,15 @@ def scores_table(results: Sequence[Result], best: Result, title: str, notes: str
             )
         decider = f"{escape(result.name)}\n[bright_black]{result.threshold_words}[/]"
         rows.append((decider, *cells))
+    if bound:
+        shown = {
+            reward.head: estimate_cell(bound["reward"], reward.scale, reward.digits),
+            "reward\ndiff.": estimate_cell(bound["less"], 1.0, reward.digits, sign="+"),
+        }
+        rows.append(("bound", *(shown.get(head, "") for head in heads[1:])))
+        notes += (
+            "bound: no rule earns more on average, as far as the model of the filters is right.\n"
+        )
     return filled_table(title, heads, rows, f"{notes}{task.notes}".strip())
 
 

@@ -205,9 +205,9 @@ class AnnouncedTask(Task):
     def deciders(self) -> tuple[str, ...]:
         """See `Task.deciders`."""
         if self.options.bank == "published" and self.options.modes is None:
-            return (self.reference, "fixed", "msprt", "msprt-kept", "propagated")
+            return (self.reference, "at-once", "msprt", "msprt-kept", "propagated")
         by_type = self.options.correctness == "type"
-        return (self.reference, "sprt", "msprt-type" if by_type else "msprt")
+        return (self.reference, "at-once", "sprt", "msprt-type" if by_type else "msprt")
 
     @property
     def further(self) -> tuple[str, tuple[Metric, ...]]:

@@ -134,7 +134,7 @@ class AnchorState:
 class Odds(NamedTuple):
     """What the agent knows of N tracks at a tick."""
 
-    # (N, 30) of the network that decides to declare.
+    # (N, 31) of the network that decides to declare.
     inputs: Float32Array
     # (N,) log-odds of declaring against waiting.
     logits: FloatArray

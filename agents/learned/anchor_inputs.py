@@ -207,7 +207,7 @@ def stopping_inputs(
     squares: FloatArray,
     heavy_tails: FloatArray,
 ) -> Float32Array:
-    """Return the inputs for the decision to declare, (N, 30).
+    """Return the inputs for the decision to declare, (N, 31).
 
     Args:
         ratios: of the rows.
@@ -260,6 +260,7 @@ def stopping_inputs(
             cost / 2.0,
             world.correctness == "type",
             np.log(world.hypotheses / 3.0) / 2.0,
+            np.log(world.decide_every),
         ]
     )
 

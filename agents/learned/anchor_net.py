@@ -143,7 +143,7 @@ class StoppingNet(nn.Module):
     def __init__(self, hidden: int):
         super().__init__()
         self.layers = nn.Sequential(
-            nn.Linear(30, hidden),
+            nn.Linear(31, hidden),
             nn.SiLU(),
             nn.Linear(hidden, hidden),
             nn.SiLU(),
@@ -151,7 +151,7 @@ class StoppingNet(nn.Module):
         self.output = zero_layer(hidden, 1)
 
     def forward(self, inputs: Tensor) -> Tensor:
-        """Return the log-odds (...) from inputs (..., 30). Before training an error of 0.02 is
+        """Return the log-odds (...) from inputs (..., 31). Before training an error of 0.02 is
         the threshold.
         """
         logits: Tensor = GAIN * self.output(self.layers(inputs)).squeeze(-1)

@@ -132,7 +132,8 @@ class Algorithm(ABC):
 
     def make_curve(self) -> LearningCurve:
         """Return the learning curve of a new run."""
-        return environment_curve(self.env_id, self.options)
+        # At least ten points after the first.
+        return environment_curve(self.env_id, self.options, self.steps / 10)
 
     @abstractmethod
     def build(self) -> None:

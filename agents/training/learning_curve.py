@@ -4,100 +4,88 @@ it.
 
 import functools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
+from agents.evaluation.bound import bound_scores
+from agents.evaluation.registry import find_decider
 from agents.evaluation.task import sweep, task_of
 from agents.figures.curves import Axis, Curve, Panel, curve_figure
 from agents.figures.decider_colours import decider_style
 from agents.interface.output_files import save_figure
 from agents.training.run_folder import read_metrics
 from baselines.rules import seeds
-from baselines.rules.decider import Decider, rules
+from baselines.rules.decider import Decider
 
 
 @dataclass(eq=False)
 class LearningCurve:
-    """Evaluates an agent at its default threshold, at geometrically spaced steps, next to a
-    classical rule.
-
-    The rule has its best threshold, chosen on the same episodes.
+    """Evaluates an agent at its default threshold before the training and after every part of it,
+    beside classical rules.
     """
 
     # What a mean reward is the mean of.
     unit: str
-    # Name of the rule.
-    rule: str
     # What is evaluated, in words.
     sample: str
+    # Environment steps between two evaluations.
+    every: float
     # Returns `reward` and other metrics of an agent.
     measure: Callable[[Decider], Mapping[str, float]]
-    # Returns the mean reward of the rule.
-    measure_rule: Callable[[], float]
-    # Environment steps up to the first evaluation, 2 to 5 s of training.
-    first: ClassVar[float] = 100_000.0
+    # Returns the mean rewards on the same episodes of rules, each at its best threshold, and of the
+    # bound, by name.
+    measure_references: Callable[[], Mapping[str, float]]
+    # Environment steps of the next evaluation.
+    next: float = field(default=0.0, init=False)
     # Of an environment.
     episodes: ClassVar[int] = 200
 
-    def __post_init__(self) -> None:
-        self._next = self.first
-
     @functools.cached_property
-    def reference_reward(self) -> float:
-        """Mean reward of the classical rule at its best threshold, on the same episodes."""
-        return self.measure_rule()
+    def references(self) -> Mapping[str, float]:
+        """See `measure_references`."""
+        return self.measure_references()
 
     def due(self, steps: int) -> bool:
         """Whether an evaluation is due after a number of environment steps."""
-        return steps >= self._next
+        return steps >= self.next
 
     def skip(self, steps: int) -> None:
         """Skip the evaluations that were due up to a number of environment steps."""
-        while self._next <= steps:
-            self._next *= 1.4
+        self.next = self.every * (steps // self.every + 1)
 
     def evaluate(self, decider: Decider, steps: int, seconds: float) -> dict[str, float]:
-        """Return the training time so far, the metrics of the agent, and the reward of the
-        classical rule.
-        """
+        """Return the training time so far, and the metrics of the agent."""
         self.skip(steps)
-        measured = dict(self.measure(decider)) | {"reference": self.reference_reward}
+        measured = self.measure(decider)
         return {"seconds": seconds} | {f"evaluation/{name}": measured[name] for name in measured}
 
     def summary(self, metrics: Sequence[dict[str, Any]]) -> list[str]:
-        """Return the lines printed after training: final metrics, and when the agent surpassed
-        the rule.
-        """
+        """Return the lines printed after training: final metrics, and the rewards of rules."""
         points = learning_points(metrics)
         if not points:
             return []
         last = dict(points[-1])
-        reward, reference = (last.pop(f"evaluation/{name}") for name in ("reward", "reference"))
+        reward = last.pop("evaluation/reward")
         others = ", ".join(
             f"{name.removeprefix('evaluation/').replace('_', ' ')} {value:.4g}"
             for name, value in last.items()
             if name.startswith("evaluation/")
         )
-        lines = [
+        rules = ", ".join(f"{name} {value:.3f}" for name, value in self.references.items())
+        return [
             f"Reward {reward:.3f} per {self.unit}, {others}, "
-            f"after {last['seconds']:.0f} s of training ({self.sample})"
+            f"after {last['seconds']:.0f} s of training ({self.sample})",
+            f"On the same episodes: {rules}",
         ]
-        best = f"Best reward of {self.rule}"
-        for row in points:
-            if row["evaluation/reward"] > row["evaluation/reference"]:
-                when = f"after {row['seconds']:.0f} s and {row['step']:,} steps"
-                return [*lines, f"{best} surpassed: {reference:.3f}, {when}"]
-        return [*lines, f"{best} not surpassed: {reference:.3f}"]
 
 
-def environment_curve(env_id: str, options: Mapping[str, Any]) -> LearningCurve:
+def environment_curve(env_id: str, options: Mapping[str, Any], every: float) -> LearningCurve:
     """Return the learning curve of an agent in an environment with options that override those
-    of its id.
+    of its id, with an evaluation after so many steps.
     """
     task = task_of(env_id, options)
-    episodes = LearningCurve.episodes
-    rule = rules(task.switches)[task.reference].create(task.options)
+    episodes, reward = LearningCurve.episodes, task.statistic("reward")
     shown = "accuracy", "ticks", "right", "wrong_changes"
     measured = [metric.name for metric in task.metrics if metric.name in shown]
 
@@ -106,12 +94,16 @@ def environment_curve(env_id: str, options: Mapping[str, Any]) -> LearningCurve:
         names = ("reward", *measured)
         return {name: float(scores.curve(task.statistic(name))[0]) for name in names}
 
-    def measure_rule() -> float:
-        scores = sweep(task, rule, episodes, seeds.LEARNING_CURVE)
-        return float(scores.curve(task.statistic("reward")).max())
+    def measure_references() -> dict[str, float]:
+        deciders = task.deciders if task.waits else (task.reference,)
+        rules = [find_decider(name, task.options) for name in deciders]
+        every_scores = [sweep(task, rule, episodes, seeds.LEARNING_CURVE) for rule in rules]
+        if task.waits:
+            every_scores.append(bound_scores(task, episodes, seeds.LEARNING_CURVE))
+        return {scores.name: float(scores.curve(reward).max()) for scores in every_scores}
 
     sample = f"{episodes} episodes"
-    return LearningCurve(task.unit, rule.title, sample, measure, measure_rule)
+    return LearningCurve(task.unit, sample, every, measure, measure_references)
 
 
 def learning_points(metrics: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -122,7 +114,7 @@ def learning_points(metrics: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 def draw_learning_curve(folder: Path, path: Path, curve: LearningCurve) -> None:
     """Write the mean reward of a run folder against training time and environment steps as PNG.
 
-    A dashed line is the classical rule of the learning curve at its best threshold.
+    Dashed lines are rules at their best thresholds, and the bound.
     """
     points = learning_points(read_metrics(folder))
     columns = {
@@ -143,13 +135,16 @@ def draw_learning_curve(folder: Path, path: Path, curve: LearningCurve) -> None:
                     [row["evaluation/reward"] for row in points],
                     size=3.5,
                 ),
-                Curve(
-                    f"{curve.rule} at its best threshold",
-                    decider_style(curve.rule),
-                    [1e-3 * end, 0.999 * end],
-                    [points[-1]["evaluation/reference"]] * 2,
-                    size=0.0,
-                    dashes="--",
+                *(
+                    Curve(
+                        name,
+                        decider_style(name),
+                        [1e-3 * end, 0.999 * end],
+                        [value, value],
+                        size=0.0,
+                        dashes="--",
+                    )
+                    for name, value in curve.references.items()
                 ),
             ]
         )

@@ -36,6 +36,15 @@ class Recipe:
     # A dataclass, `Settings` of the algorithm.
     settings: Any
 
+    @property
+    def title(self) -> str:
+        """Name of its agents in tables: that of the algorithm, if the recipe has its name, so that
+        "PPO, recipe" stands beside a model of the library with other settings.
+        """
+        if self.name != self.algo:
+            return self.name
+        return f"{find_algorithm(self.algo).__name__}, recipe"
+
     def as_json(self) -> dict[str, Any]:
         """Return plain values; `recipe_of` reads the entry."""
         entry = {"algo": self.algo, "n_timesteps": self.n_timesteps} | asdict(self.settings)

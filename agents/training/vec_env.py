@@ -22,7 +22,7 @@ def as_vec_env(
 
     >>> vec_env = as_vec_env("hybrid_env:HybridTrack-v0", 64)
     >>> vec_env.reset().shape
-    (64, 28)
+    (64, 29)
 
     Args:
         env_id: registered id.

@@ -155,34 +155,37 @@ class SPRTDecider(Decider):
         observation: Observations,
         state: Any,
         episode_start: Any,
-    ) -> tuple[Actions, tuple[FloatArray, BoolArray]]:
-        """See `Decider.decide`. The state is (log-likelihoods, hypotheses not yet rejected),
-        both (N, M).
+    ) -> tuple[Actions, tuple[FloatArray, BoolArray, FloatArray]]:
+        """See `Decider.decide`. The state is log-likelihoods and hypotheses not yet rejected, both
+        (N, M), and ticks (N,).
 
         If there is no state after the first tick of a segment, the test starts from the clipped
-        ratios with all hypotheses.
+        ratios with all hypotheses; so it does in each segment if a decision is asked for every few
+        ticks.
         """
         read = partial(Layout.of_rows(observation).read, observation)
         along = read("innovation_along")
         across = read("innovation_across")
         ratios = read("log_ratio")
+        ticks = np.rint(read("ticks"))
         increment = -read("log_variance") - 0.5 * (along**2 + across**2)
         log_likelihood = ratios
         running = np.ones(ratios.shape, bool)
         if state is not None:
+            before, running, last = state
+            running = running | (ticks <= last)[:, None]
             best = ratios.argmax(-1)[:, None]
-            accumulated = state[0] + increment
+            accumulated = before + increment
+            clipped = (ratios <= CLIPPED_RATIO) & (ticks == last + 1)[:, None]
             log_likelihood = np.take_along_axis(accumulated, best, -1) + ratios
-            log_likelihood = np.where(ratios <= CLIPPED_RATIO, accumulated, log_likelihood)
-            running = state[1].copy()
-        first = np.rint(read("ticks")) <= 1
+            log_likelihood = np.where(clipped, accumulated, log_likelihood)
+        first = ticks <= 1
         log_likelihood[first] = increment[first]
-        running[first] = True
         reference = read("previous").argmax(-1)
         actions = np.empty(len(observation), np.int64)
         upper, lower = sprt_thresholds(self.threshold, self.beta)
         run_compiled(_test_tracks, log_likelihood, reference, running, upper, lower, actions)
-        return actions, (log_likelihood, running)
+        return actions, (log_likelihood, running, ticks)
 
     def panel(self) -> EvidencePanel:
         """Return the panel of `evidence`."""

@@ -8,8 +8,8 @@ a margin. The margin trades errors for time.
 
 # %%
 # One episode. The observation is a row of numbers; :class:`hybrid_env.Layout` reads them by name. The log-likelihood of
-# each hypothesis minus the largest is 0 for the likeliest and negative for the others. With ``evidence=0`` every declaration
-# counts; by default it waits until the posterior of a mode reaches 95 %.
+# each hypothesis minus the largest is 0 for the likeliest and negative for the others. With ``decide_every=1`` a decision is
+# asked for at every tick, not at every eighth one.
 
 import gymnasium as gym
 import matplotlib.pyplot as plt
@@ -17,7 +17,7 @@ import numpy as np
 
 import hybrid_env
 
-env = gym.make("hybrid_env:HybridTrack-v0", evidence=0.0)
+env = gym.make("hybrid_env:HybridTrack-v0", decide_every=1)
 layout = hybrid_env.Layout(3)  # straight, left turn, right turn
 
 

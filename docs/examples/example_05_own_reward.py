@@ -59,7 +59,7 @@ def mean_reward(env, alpha_straight, alpha_turn=0.05, episodes=60):
 
 
 alphas = np.array([0.3, 0.2, 0.1, 0.05, 0.02, 0.01, 3e-3, 1e-3, 3e-4])
-plain = gym.make("hybrid_env:HybridTrack-v0", evidence=0.0)  # every declaration counts
+plain = gym.make("hybrid_env:HybridTrack-v0")
 wrapped = MissedTurns(plain)
 rewards = {
     "the reward of the environment": [mean_reward(plain, alpha) for alpha in alphas],

@@ -85,17 +85,17 @@ class Flights(ExpectedRewardAlgorithm):
             stated = agent.choose(agent.utilities(inputs, logs))
             return mean_reward(flights(), stated[..., 0])
 
-        def measure_rule() -> float:
+        def measure_references() -> dict[str, float]:
             logs = flights().log_probability.double().numpy()
-            return mean_reward(flights(), ThresholdDecider(0.6).statements(logs))["reward"]
+            stated = ThresholdDecider(0.6).statements(logs)
+            return {"IMM threshold": mean_reward(flights(), stated)["reward"]}
 
         return replace(
             super().make_curve(),
             unit="position",
-            rule="IMM threshold",
             sample=f"{sum(self.curve_flights)} flights",
             measure=measure,
-            measure_rule=measure_rule,
+            measure_references=measure_references,
         )
 
     def remaining(self) -> float:

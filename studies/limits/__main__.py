@@ -22,6 +22,9 @@ class Limits:
 
     unknown: bool = False
     """Evaluate rules for unknown switch moments, in HybridTrackQuickest-v0."""
+    bound: bool = False
+    """Evaluate the bound of the default ids only, with the best rule and the learned stop below it.
+    """
     literature: bool = False
     """Evaluate published rules only, each with all its thresholds tuned, with P := I and with P
     kept, in HybridTrackPublished-v0.
@@ -39,7 +42,9 @@ class Limits:
 
     def duration(self) -> str:
         """Return in words how long the study takes."""
-        hours = (1.0 if self.unknown or self.literature else 2.0) * self.episodes / 3000
+        hours = (
+            (1.0 if self.unknown or self.literature or self.bound else 2.0) * self.episodes / 3000
+        )
         cores = cpu_count() if self.jobs < 0 else self.jobs
         minutes = f"{60 * hours / cores:.0f} minutes on {cores}"
         return f"This takes about {hours:.2g} hours on one core, {minutes}; --quick one minute."
@@ -53,6 +58,8 @@ class Limits:
         if self.literature:
             noises = study.noise_levels(self.quick)
             parts = {"literature": [delayed(published_rules)(noise, *run) for noise in noises]}
+        elif self.bound:
+            parts = {"bound": study.bound_calls(*run, self.quick)}
         else:
             parts = study.calls(self.unknown, *run, self.quick)
         rows = {}

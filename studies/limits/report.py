@@ -17,6 +17,10 @@ def markdown(parts: Mapping[str, Sequence[Row]]) -> str:
         "Mean reward per segment, with unknown moments of a tick, at the tuned threshold; in"
         " brackets the gain over the row before, with its 95 % interval."
     )
+    below = (
+        "Mean reward per segment at the tuned threshold; in brackets the gain over the bound, with"
+        " its 95 % interval."
+    )
     times = (
         "Mean decision time in ticks at 95 % / at 98 % accuracy; mean reward per segment at the"
         " best threshold."
@@ -25,6 +29,12 @@ def markdown(parts: Mapping[str, Sequence[Row]]) -> str:
     if "literature" in parts:
         return _literature(pd.DataFrame(parts["literature"]), by_noise)
     text = []
+    if "bound" in parts:
+        for place, here in pd.DataFrame(parts["bound"]).groupby("place", sort=False):
+            cells = _pivot(here, ["step", "noise"], by_noise, _gain_cell)
+            text += [f"### The bound: {place}\n", f"{below}\n", cells]
+    if "steps" not in parts:
+        return "\n".join(text)
     for place, here in pd.DataFrame(parts["steps"]).groupby("place", sort=False):
         text += [f"### Steps of information: {place}\n", f"{gain}\n"]
         text += [

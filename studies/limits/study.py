@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from joblib import delayed
 
-from agents import Task, find_decider, sweep, task_of
+from agents import Task, bound_scores, find_decider, sweep, task_of
 from baselines import (
     BeamDecider,
     Scores,
@@ -44,6 +44,9 @@ STEPS: dict[str, tuple[str, dict[str, Any]]] = {
     ),
     "the anchor is exact (oracle, not available in practice)": ("msprt", {"bank": "oracle"}),
 }
+# Default ids, and the ticks between their decisions, at which the bound is simulated.
+BOUNDED = "HybridTrack-v0", "HybridTrackBank-v0"
+GRIDS = (1, 8)
 # Numbers of later ticks whose measurements are used as well.
 LAGS = (5, 10, 20, 40)
 CALIBRATION_BANKS: dict[str, dict[str, Any]] = {
@@ -82,6 +85,7 @@ def calls(unknown: bool, episodes: int, seed: int, quick: bool = False) -> dict[
     rules = {THREE: ("ate", "msprt"), BANK: ("ate", "msprt-type", "msprt")}
     places = list(product([THREE] if quick else rules, noises))
     return {
+        "bound": bound_calls(*run, quick),
         "steps": [delayed(announced_steps)(*place, *run) for place in places],
         "rules": [
             delayed(rule_on_bank)(
@@ -103,6 +107,12 @@ def calls(unknown: bool, episodes: int, seed: int, quick: bool = False) -> dict[
             for bank, noise in product(CALIBRATION_BANKS, noises)
         ],
     }
+
+
+def bound_calls(episodes: int, seed: int, quick: bool) -> list[Any]:
+    """Return the calls of the part "bound", as `calls`."""
+    places = product(BOUNDED[: 1 if quick else None], noise_levels(quick), GRIDS)
+    return [delayed(bound_rows)(*place, episodes, seed) for place in places]
 
 
 def best_threshold(task: Task, decider: Any, episodes: int) -> int:
@@ -140,6 +150,22 @@ def step_rows(
         }
         for before, (step, scores) in zip(others, steps.items(), strict=False)
     ]
+
+
+def bound_rows(env_id: str, noise: float, every: int, episodes: int, seed: int) -> list[Row]:
+    """Return the rewards of what needs no learning, of the best rule and of a learned stop at a
+    noise level, with decisions every so many ticks, each less the bound, and the bound.
+    """
+    task = task_of(env_id, {"measurement_variance": noise, "decide_every": every})
+    bound = bound_scores(task, episodes, seed)
+    steps = {}
+    for name in ("at-once", task.deciders[-1], "shipped"):
+        decider = find_decider(name, task.options)
+        threshold = decider.thresholds[best_threshold(task, decider, episodes)]
+        steps[decider.title] = sweep(task, decider, episodes, seed, thresholds=(threshold,))
+    place = f"{env_id}, a decision " + ("at every tick" if every == 1 else f"every {every} ticks")
+    compared = [bound] * len(steps) + [None]
+    return step_rows(task, place, noise, {**steps, "bound": bound}, compared)
 
 
 def announced_steps(env_id: str, noise: float, episodes: int, seed: int) -> list[Row]:

@@ -73,6 +73,12 @@ def test_the_quick_form_writes_its_files(flags, tmp_path, run_study):
         assert rewards[3:] == sorted(rewards[3:])
         return
     assert steps == list(STEPS)
+    *below, bound = rows["bound"][:4]
+    assert bound["step"] == "bound"
+    for row in below:
+        assert row["gain"]["value"] == pytest.approx(
+            row["reward"]["value"] - bound["reward"]["value"]
+        )
     # The more a bank knows of the anchor, the sooner the MSPRT decides.
     times = [row["time_95"]["value"] for row in rows["rules"] if row["rule"] == "MSPRT"]
     assert times == sorted(times, reverse=True)

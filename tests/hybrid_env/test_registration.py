@@ -53,7 +53,9 @@ def test_processes_create_the_environment_by_module_and_id():
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
 def test_a_limit_of_steps_truncates_as_in_synchronous_environments(env_id, mode):
     options = {"max_episode_steps": 7}
-    options |= {"scheme": "S4 S5"} if env_id == "HybridTrack-v0" else {"ticks": 7}
+    options |= (
+        {"scheme": "S4 S5", "decide_every": 1} if env_id == "HybridTrack-v0" else {"ticks": 7}
+    )
     ours = gym.make_vec(env_id, 3, autoreset_mode=mode, **options)
     theirs = gym.make_vec(
         env_id,

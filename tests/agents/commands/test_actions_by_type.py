@@ -29,8 +29,9 @@ class Model:
 
 @pytest.mark.parametrize("name", ["msprt-type:0.03", "shipped"])
 def test_a_loaded_decider_acts_in_the_action_space(name):
-    env = make_track_vector_env(ENV, 5, **SCHEME)
-    decider, (rows, _) = agents.load(name, ENV, **SCHEME), env.reset(seed=0)
+    options = SCHEME | {"decide_every": 1}
+    env = make_track_vector_env(ENV, 5, **options)
+    decider, (rows, _) = agents.load(name, ENV, **options), env.reset(seed=0)
     state = None
     starts = np.ones(5, np.bool_)
     declared = 0
@@ -41,6 +42,11 @@ def test_a_loaded_decider_acts_in_the_action_space(name):
         rows, _, starts, _, _ = env.step(actions)
 
     assert declared > 5
+
+
+def test_a_decider_that_reads_every_tick_is_not_loaded_for_fewer_decisions():
+    with pytest.raises(ArgumentError, match="decide_every=8 is not allowed: expected 1"):
+        agents.load("shipped", ENV)
 
 
 def test_a_model_that_was_trained_with_types_is_not_translated():

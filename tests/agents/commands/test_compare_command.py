@@ -6,6 +6,7 @@ import shlex
 import pytest
 from small_training import small_recipe
 
+from agents import task_of
 from agents.cli import main
 from agents.training.algorithm import Algorithm
 
@@ -59,3 +60,21 @@ def test_an_interrupted_comparison_goes_on_with_the_same_results(jobs, tmp_path,
     assert main(interrupted) == 0
     whole, again = (tmp_path / name / "compare.json" for name in ("whole", "interrupted"))
     assert again.read_bytes() == whole.read_bytes()
+
+
+@pytest.mark.parametrize("env", ["HybridTrack-v0", "HybridTrackBank-v0", "HybridTrackPublished-v0"])
+def test_announced_switches_have_the_rule_at_once_the_best_rule_and_the_bound(env):
+    assert {"at-once"} < set(task_of(f"hybrid_env:{env}").deciders)
+
+
+def test_a_comparison_shows_the_bound_less_the_best_rule(tmp_path, capsys):
+    line = f"compare at-once msprt --episodes 30 --selection-episodes 10 --out {tmp_path}"
+    assert main(line.split()) == 0
+    data = json.loads((tmp_path / "compare.json").read_text())
+    at_once, rule = (decider["reward"]["value"] for decider in data["deciders"])
+    bound = data["bound"]["reward"]["value"]
+    assert at_once < 0.0 < rule
+    assert data["best_rule"] == "MSPRT"
+    assert data["bound"]["less"]["value"] == pytest.approx(bound - rule)
+    assert data["bound"]["less"]["high"] > 0.0
+    assert "bound: no rule earns more" in capsys.readouterr().out

@@ -6,10 +6,12 @@ import pytest
 from PIL import Image
 
 import hybrid_env  # noqa: F401
+from agents import find_decider, task_of
 from agents.commands import play as play_command
-from agents.commands.play import Play
+from agents.commands.play import Episodes, Play
 from baselines.recordings.reading.read import read_recordings
 from baselines.rules.external import as_decider
+from baselines.rules.rollout import evaluate
 from hybrid_env.checks import ArgumentError
 
 # fixed:5 waits for four ticks of each segment and declares at the fifth.
@@ -111,3 +113,14 @@ def test_closing_the_window_ends_the_command(monkeypatch):
 
     assert decider.calls == 2
     assert not pygame.display.get_init()
+
+
+@pytest.mark.parametrize("name", ["shipped", "msprt"])
+def test_an_episode_is_the_one_that_is_evaluated(name):
+    """Also of a decider that reads every tick, where a decision is asked for every few ticks."""
+    task = task_of("hybrid_env:HybridTrack-v0", {"scheme": "S20 L25r5 S20"})
+    episodes = Episodes(task, name)
+    list(episodes.play(3))
+    decider = find_decider(name, task.options)
+    expected = evaluate(decider, task.env_id, 1, 3, **task.given)
+    assert sum(reward for _, reward in episodes.rewards) == pytest.approx(expected.reward.sum())

@@ -180,9 +180,10 @@ def test_without_a_trained_stop_the_probability_of_an_error_is_compared_with_the
 
 
 def test_the_shipped_agent_beats_the_sprt_at_any_threshold():
-    reward = evaluate(load_decider("shipped", WorldOptions()), episodes=100, seed=50).reward.mean(1)
+    given = {"env_id": "HybridTrackPublished-v0", "episodes": 100, "seed": 50}
+    reward = evaluate(load_decider("shipped", WorldOptions()), **given).reward.mean(1)
     for alpha in (1e-2, 1e-6):
-        gain = reward - evaluate(SPRTDecider(alpha), episodes=100, seed=50).reward.mean(1)
+        gain = reward - evaluate(SPRTDecider(alpha), **given).reward.mean(1)
         assert gain.mean() > 4 * gain.std() / 10
 
 

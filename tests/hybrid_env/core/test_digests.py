@@ -83,7 +83,7 @@ DIGESTS = [
         id="evidence",
     ),
     pytest.param(
-        dict(ENVIRONMENTS["HybridTrackBank-v0"]),
+        ENVIRONMENTS["HybridTrackBank-v0"] | {"decide_every": 1, "evidence": 0.95},
         "3e351fdde7cadc76e5e1762d0342e288738d08fb1960becc5c8eab6ba1b101ea",
         id="types that follow the bank",
     ),
