@@ -11,8 +11,9 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from hybrid_env.core.errors import ArgumentError
+
 DISTRIBUTION = "hybrid-track"
-INSTALL = f"pip install '{DISTRIBUTION}[{{extra}}]'"
 
 OTHER_NAMES = {
     "PIL": "pillow",
@@ -22,7 +23,7 @@ OTHER_NAMES = {
 """Distributions that are not called as their modules."""
 
 
-class MissingExtraError(ModuleNotFoundError):
+class MissingExtraError(ArgumentError, ModuleNotFoundError):
     """A module of an optional dependency is missing. The message is one line that says how to
     install it.
     """
@@ -39,8 +40,7 @@ def explained() -> Iterator[None]:
             raise
         raise MissingExtraError(
             f"{error.name} is missing: this needs the extra [{extra}]:"
-            f" {INSTALL.format(extra=extra)}",
-            name=error.name,
+            f" pip install '{DISTRIBUTION}[{extra}]'"
         ) from None
 
 

@@ -6,8 +6,10 @@ import sys
 import tomllib
 from pathlib import Path
 
+import pytest
 from setuptools import find_packages
 
+from agents.cli import main
 from hybrid_env import console
 
 ROOT = Path(__file__).parents[1]
@@ -75,3 +77,29 @@ def test_the_help_without_the_extra_of_the_commands_says_how_to_install_it(monke
     monkeypatch.setattr("sys.argv", ["hybridtrack", "score", "truth.csv"])
     assert console.main() == 2
     assert capsys.readouterr().err == f"hybridtrack: {advice}"
+
+
+@pytest.mark.parametrize(
+    ("module", "extra", "line"),
+    [
+        ("onnx", "onnx", "evaluate policy.onnx"),
+        ("sb3_contrib", "recurrent", "train --recipe recurrent-ppo --steps 1 --out run"),
+        ("ray", "cluster", "compare ate --engine ray --episodes 2 --no-curves --out results"),
+        ("plotly", "html", "track walk.csv --html"),
+    ],
+)
+def test_a_command_whose_package_is_missing_says_how_to_install_it(
+    module, extra, line, monkeypatch, capsys, tmp_path
+):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(sys.modules, module, None)
+    Path("policy.onnx").touch()
+    Path("walk.csv").write_text("x,y\n" + "1,2\n3,4\n" * 20)
+
+    assert main(line.split()) == 2
+    told = capsys.readouterr().err.splitlines()[-1]
+    assert told.startswith("hybridtrack: ")
+    assert module in told
+    assert told.endswith(
+        f" is missing: this needs the extra [{extra}]: pip install 'hybrid-track[{extra}]'"
+    )

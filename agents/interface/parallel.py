@@ -14,8 +14,8 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from agents.interface.help_texts import shown_default
 from agents.interface.world_arguments import trusted, trusting
-from hybrid_env.checks import ArgumentError, Count, reject
-from hybrid_env.extras import INSTALL
+from hybrid_env.checks import ArgumentError, Count
+from hybrid_env.extras import explained
 
 Call = Callable[[], Any]
 """A call without arguments, such as `functools.partial(function, seed)`. It can be pickled."""
@@ -102,11 +102,8 @@ def _ray(calls: Mapping[Name, Call], jobs: int) -> Iterator[tuple[Name, Any]]:
 
     The backend of `ray.util.joblib` is not used: one lost worker ends its pool with all results.
     """
-    try:
+    with explained():
         import ray
-    except ImportError:
-        allowed = f"'local', or an installed Ray: {INSTALL.format(extra='cluster')}"
-        raise reject("engine", "ray", allowed) from None
     if not ray.is_initialized():
         # One worker for each core.
         threads = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL")}

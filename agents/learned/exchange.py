@@ -22,6 +22,7 @@ from agents.learned.zip_file import read_model
 from baselines.rules.decider import Decider
 from baselines.rules.external import external_decider
 from hybrid_env.checks import ArgumentError, reject
+from hybrid_env.extras import explained
 
 
 @torch_defaults()
@@ -36,11 +37,10 @@ def exchanged_decider(path: Path, options: Any) -> Decider:
     if not path.is_file() or path.stat().st_size > LARGEST_FILE:
         raise reject("decider", str(path), f"a file of at most {LARGEST_FILE:,} bytes")
     try:
-        decider: Decider = (_from_zip if path.suffix == ".zip" else _from_onnx)(path, options)
+        with explained():
+            decider: Decider = (_from_zip if path.suffix == ".zip" else _from_onnx)(path, options)
     except ArgumentError as error:
         raise ArgumentError(f"{path.name}: {error}") from error
-    except ImportError as error:
-        raise reject("decider", str(path), f"an installed package {error.name}") from None
     except Exception as error:
         raise reject(
             "decider",

@@ -11,8 +11,8 @@ from agents.figures.canvas import GREY
 from agents.recordings.figure import mode_colours, mode_lines, thinned
 from agents.recordings.tracking import TrackedRecording
 from baselines.recordings.recording import iso_texts
-from hybrid_env.checks import AnyArray, ArgumentError, FloatArray
-from hybrid_env.extras import INSTALL
+from hybrid_env.checks import AnyArray, FloatArray
+from hybrid_env.extras import explained
 
 # Rows that are drawn; more would delay a browser.
 MOST_POINTS = 100_000
@@ -70,12 +70,8 @@ def gpx_text(tracked: TrackedRecording) -> str:
 
 def check_plotly() -> Any:
     """Return the package plotly."""
-    try:
+    with explained():
         import plotly.subplots
-    except ImportError:
-        raise ArgumentError(
-            f"--html needs the extra 'html': {INSTALL.format(extra='html')}"
-        ) from None
     return plotly
 
 

@@ -40,7 +40,7 @@ from agents.training.vec_env import HybridTrackVecEnv
 from baselines.rules import seeds
 from baselines.rules.decider import Decider
 from hybrid_env.checks import ArgumentError, check_integer, reject
-from hybrid_env.extras import INSTALL
+from hybrid_env.extras import explained
 from hybrid_env.observation import Layout
 
 
@@ -139,11 +139,8 @@ class LibraryAlgorithm(Algorithm):
         """Return the class of the algorithm; what Stable-Baselines3 lacks is in sb3-contrib."""
         library: Any = stable_baselines3
         if not hasattr(library, cls.__name__):
-            try:
+            with explained():
                 import sb3_contrib as library
-            except ImportError:
-                allowed = f"sb3-contrib: {INSTALL.format(extra='recurrent')}"
-                raise reject("algo", cls.name, allowed) from None
         return getattr(library, cls.__name__)
 
     @classmethod
