@@ -33,6 +33,17 @@ ENVIRONMENTS: dict[str, dict[str, object]] = {
 }
 """Registered ids and their options that differ from the defaults."""
 
+REWARD_THRESHOLDS = {
+    "HybridTrack-v0": 3.56,
+    "HybridTrackRaw-v0": 3.56,
+    "HybridTrackBank-v0": 4.76,
+    "HybridTrackPublished-v0": 3.83,
+    "HybridTrackPublishedBank-v0": 4.80,
+    "HybridTrackQuickest-v0": 485.0,
+    "HybridTrackQuickestBank-v0": 285.0,
+}
+"""Mean return of an episode of the best known rule, by id."""
+
 MAX_EPISODE_STEPS = 10_000
 """Limit of the registered ids, for libraries that need one."""
 
@@ -49,6 +60,7 @@ def register_environments() -> None:
                 vector_entry_point=f"hybrid_env.vector_env:HybridTrack{kind}VectorEnv",
                 kwargs=options,
                 max_episode_steps=MAX_EPISODE_STEPS,
+                reward_threshold=REWARD_THRESHOLDS[env_id],
             )
 
 

@@ -1,8 +1,10 @@
 """The bound on the reward of rules for announced switches."""
 
+import gymnasium as gym
 import numpy as np
+import pytest
 
-from agents import find_decider, sweep, task_of
+from agents import evaluate, find_decider, sweep, task_of
 from agents.evaluation.bound import bound_scores
 from baselines.scoring.scores import mean
 
@@ -26,3 +28,10 @@ def test_fewer_decisions_have_a_lower_bound():
     )
     assert (eighth.values <= every.values).all()
     assert np.all(every.values < 1.0)
+
+
+def test_the_reward_threshold_of_the_id_is_the_return_of_the_best_rule():
+    rewards = evaluate("msprt:0.06", episodes=EPISODES, seed=50)["reward"]
+    # Five standard errors of 1,800 segments; an episode has six.
+    expected = pytest.approx(6.0 * rewards.value, abs=6.0 * 2.5 * (rewards.high - rewards.value))
+    assert gym.spec("HybridTrack-v0").reward_threshold == expected
