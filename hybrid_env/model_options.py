@@ -117,10 +117,15 @@ class ModelOptions(Checked):
     def _check_ratios(self, radii: Iterable[float]) -> None:
         """Check the ratios of the options, for radii of bank and object [m]."""
         assert isinstance(self.initial_error, tuple)
+        pushed = 0.0
         if self.modes is not None:
             # Of states in units of a tick.
             scales = self.tau ** np.array([0.0, 1.0, 0.0, 1.0, 2.0, 2.0])
-            F = self.motions["F"] * scales[:, None] / scales
+            motions = self.motions
+            deviations = np.sqrt(np.diagonal(motions["Q"], 0, 1, 2).clip(0.0))
+            pushed = (np.maximum(np.abs(motions["B"]), deviations) * scales).max()
+            pushed = max(pushed, np.abs(motions["acceleration"]).max() * scales[-1])
+            F = motions["F"] * scales[:, None] / scales
             last = self.longest_episode
             for ticks in [*(2**k for k in range(last.bit_length())), last]:
                 # A constant acceleration reaches ticks^2 / 2.
@@ -136,7 +141,7 @@ class ModelOptions(Checked):
             allowed = "at most 100 rad per tick (speed * tau / radius)"
             raise reject("radii", min(radii), f"at least {smallest:g}: {allowed}")
         fastest = max(self.process_variance, self.object_variance or 0.0, self.initial_error[1])
-        motion = self.tau * max(self.speed, math.sqrt(fastest))
+        motion = max(self.tau * max(self.speed, math.sqrt(fastest)), pushed)
         # Standard deviations of a measurement in a tick and in a radius; a float64 has 16 digits.
         least = max(motion / 1e9, max(radii, default=0.0) / 1e12) ** 2
         variance = float(self.variances.min())

@@ -197,6 +197,21 @@ def test_a_mode_that_grows_without_large_eigenvalues_is_refused(size, kept):
             assert "at most 1e9 times" in refused(options, modes=(Straight(), mode))
 
 
+@pytest.mark.parametrize(
+    "pushed",
+    [
+        Accelerate(1e13),
+        LinearMode(np.eye(4), [0.0, 0.0, 1e30, 0.0], name="pushed"),
+        LinearMode(np.eye(6), [0.0, 0.0, 1e13, 0.0, 0.0, 0.0], name="pushed"),
+        LinearMode(np.eye(4), Q=np.diag([0.0, 1e26, 0.0, 0.0]), name="pushed"),
+    ],
+)
+def test_a_mode_that_moves_too_many_deviations_per_tick_is_refused(pushed):
+    for options in (WorldOptions, QuickestOptions):
+        message = refused(options, modes=(Straight(), pushed), measurement_variance=1e-4)
+        assert "the motion per tick" in message
+
+
 def test_accelerations_in_the_longest_segments_do_not_count_as_growth():
     for tau in (1e-6, 1e6):
         modes = "straight, accelerate 1e-6, stop"
