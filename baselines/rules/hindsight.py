@@ -28,8 +28,8 @@ from hybrid_env.quickest_options import QuickestOptions
 # Headings of an object whose start is not known.
 HEADINGS = 8
 # Rows that a change of the mode costs. A piece between two of one mode is worth it if it makes more
-# than twice as many rows right, so that none has five ticks or fewer.
-CHANGE_COST = 2.5
+# than twice as many rows right; a piece between two other modes has three rows or more.
+CHANGE_COST = 2.0
 # Probability outside of the interval of a moment, on each side.
 OUTSIDE = 0.025
 
@@ -38,7 +38,7 @@ class SmoothedModes(NamedTuple):
     """What T measurements say about M modes, K pieces of one mode, and the object.
 
     Attributes:
-        modes: (T,) those with the largest expected number of right rows, less 2.5 for each change.
+        modes: (T,) those with the largest expected number of right rows, less 2 for each change.
         probabilities: (T, M) of the modes.
         pieces: (K, 3) first tick, end and mode of the pieces.
         moments: (K, 2) first and last tick of the interval that holds the begin of a piece with a
@@ -140,6 +140,9 @@ def smooth_modes(
         speed,
         freedom,
     )
+    # An object that stands has no speed, also where its position drifts.
+    stands = np.array([mode.type == "stop" for mode in options.all_modes])
+    smoothed[2][stands[modes], :2] = 0.0
     known = pieces[:, [0, 0]]
     moments = known if switches is not None else _moments(begins, pieces)
     return SmoothedModes(modes, probabilities, pieces, moments, *smoothed, lattice.evidence)
