@@ -227,7 +227,7 @@ def report_lines(tracked: TrackedRecording) -> list[str]:
     elif not model.radii:
         del values["radii"]
     parts = [
-        f"{counted(len(tracked.pieces), 'piece')} by {tracked.decider}",
+        counted(len(tracked.pieces), "piece") + (f" by {tracked.decider}" if tracked.live else ""),
         f"tick {model.tau:.6g} {time}",
     ]
     found = [text for name, text in values.items() if name in model.estimated]
@@ -263,7 +263,7 @@ def _printed_table(tracked: TrackedRecording) -> Table:
         "mode": table["mode"].tolist(),
         "radius": map(_shown, table["radius"]),
     }
-    if tracked.known_switches:
+    if tracked.live and tracked.known_switches:
         decided = map(_shown, table.get("decided_time", table["decided_at"]))
         columns["decided at"] = [text or "undecided" for text in decided]
     rows = list(zip(*columns.values(), strict=True))

@@ -157,8 +157,13 @@ def _draw_probabilities(axes: Any, tracked: TrackedRecording) -> None:
     spans = np.stack([begins, times[end - 1] + 0.5 * tracked.model.tau - begins], axis=1)
     facecolors = [colours[mode] for mode in modes]
     axes.broken_barh(spans, (1.04, 0.12), facecolors=facecolors, transform=above, clip_on=False)
+    low, high = tracked.moments.T
+    # A live rule knows none.
+    bands = np.stack([low, high - low], axis=1)[np.isfinite(low)]
+    axes.broken_barh(bands, (1.0, 0.04), facecolors="black", transform=above, clip_on=False)
     axes.set(ylim=(0.0, 1.0), ylabel="probability")
-    axes.set_title("Decided modes (bar) and their probabilities", pad=22.0)
+    title = "Decided modes (bar) and their probabilities"
+    axes.set_title(title if tracked.live else f"{title}; 95 % of each begin (black)", pad=22.0)
 
 
 def _draw_residuals(axes: Any, tracked: TrackedRecording) -> None:

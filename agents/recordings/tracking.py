@@ -16,7 +16,7 @@ from agents.evaluation.registry import (
     needed_options,
     split_name,
 )
-from baselines.recordings.decisions import RowDecisions, decide_piece
+from baselines.recordings.decisions import RowDecisions, decide_piece, smooth_piece
 from baselines.recordings.imm_pass import TrackModel
 from baselines.recordings.model_fit import check_consistency, check_radii, fit_model, with_stop
 from baselines.recordings.recording import Recording, make_recording
@@ -59,20 +59,22 @@ class TrackedRecording:
     Attributes:
         recording: as it was read.
         model: noise, radii and durations that the filters assume, and which of them were estimated.
-        decider: its name, with its threshold.
+        decider: of a live sensor with this model: its name, with its threshold.
         modes: (n,) in `model.all_modes`: by default 0 straight, 1 .. left turns and then right
             turns, in the order of `model.radii`, and the stop if the object stands in a part.
-        decided: (n,) False before a mode was decided: at the start, and with known switches in each
-            piece.
-        probabilities: (n, M) of the modes at each row, from the measurements up to it.
-        estimates: (n, 4) [x, vx, y, vy] from the measurements up to the row.
+        decided: (n,) False where there is no mode; live also before one was decided: at the start,
+            and with known switches in each piece.
+        probabilities: (n, M) of the modes at each row, from all measurements, live from those up to
+            it.
+        estimates: (n, 4) [x, vx, y, vy], likewise.
         covariances: (n, 4, 4) of the estimates.
         turns: (n, 4) speed, its deviation, radius, its deviation, see `baselines.estimation.turns`;
             the radius is infinite where the object moves straight, and NaN where it stands and
             before a decision.
         residuals: (n, 2) normalised innovations, N(0, 1) if the model holds; NaN without one.
         pieces: (K, 4) first row, end, mode and row of the decision of each piece, counted from 0;
-            -1 for a piece without a decision.
+            -1 for a piece without a decision, and with hindsight.
+        moments: (K, 2) times that hold the begin of each piece with a probability of .95; NaN live.
         grid: its uniform ticks.
         outliers: number of measurements that were not used, because they are far from their
             neighbours.
@@ -81,6 +83,7 @@ class TrackedRecording:
         warnings: plain sentences about what does not fit.
         durations: law of the durations of the modes [ticks] that was given.
         known_switches: whether the switches were known.
+        live: whether a row has what a live sensor would have told, else what all rows say.
     """
 
     recording: Recording
@@ -94,12 +97,14 @@ class TrackedRecording:
     turns: FloatArray
     residuals: FloatArray
     pieces: IntArray
+    moments: FloatArray
     grid: TickGrid
     outliers: int
     standing: int
     warnings: list[str]
     durations: str | None = None
     known_switches: bool = False
+    live: bool = False
 
     def mode_names(self) -> list[str]:
         """Names of the modes: S, L, R, with the radius if there are several, and stop."""
@@ -121,7 +126,7 @@ class TrackedRecording:
         recording = self.recording
         first, end, modes, when = self.pieces.T
         letters, radii = self.of_modes(modes)
-        moments = {"begin": first, "end": end - 1, "decided": when}
+        moments = {"begin": first, "end": end - 1}
         table = {
             **self._named(len(first)),
             "piece": np.arange(1, len(first) + 1),
@@ -131,9 +136,13 @@ class TrackedRecording:
             "end": recording.times[end - 1],
             "mode": letters,
             "radius": _unless(np.isnan(radii), radii),
-            "decided_at": _unless(when < 0, recording.times[when]),
-            "undecided": when < 0,
         }
+        if self.live:
+            moments["decided"] = when
+            table["decided_at"] = _unless(when < 0, recording.times[when])
+            table["undecided"] = when < 0
+        else:
+            table["begin_low"], table["begin_high"] = self.moments.T
         if recording.time_cells is not None:
             table |= {
                 f"{name}_time": _unless(rows < 0, recording.time_cells[rows])
@@ -238,9 +247,13 @@ class TrackingArguments(ErrorArguments):
     """Ticks of each piece between known switches, with the number of ticks as their sum; a single
     number is the length of every piece. By default the switches are not known.
     """
+    live: bool = False
+    """Decide and estimate every row from the rows up to it, as a live sensor would; by default from
+    all of them.
+    """
     decider: str | None = None
-    """A rule, 'shipped' or a run folder, with an optional ':threshold'. By default steady, and with
-    --lengths msprt-aware.
+    """With --live: a rule, 'shipped' or a run folder, with an optional ':threshold'. By default
+    steady, and with --lengths msprt-aware.
     """
     radii: tuple[float, ...] = ()
     """Turn radii, each tested as a left and as a right turn [unit of the recording]. By default
@@ -261,18 +274,14 @@ class TrackingArguments(ErrorArguments):
     default geometric with the mean that the recording shows.
     """
     bank: Literal["published", "anchor_aware"] | None = None
-    """Filters for known switches; by default those of the decider."""
+    """With --live and --lengths: filters; by default those of the decider."""
     undecided: Literal["keep", "likeliest"] = "likeliest"
-    """Mode of a piece without a decision: that of the previous piece (keep), or the most likely
-    one.
-    """
-    recalculation: bool = False
-    """With --lengths: after a decision, recalculate the estimates since the switch by the filter of
-    the decided mode. They then use measurements up to the decision.
+    """With --live: mode of a piece without a decision: that of the previous piece (keep), or the
+    most likely one.
     """
     refine_radius: bool = False
-    """With --lengths: after a decision, go on with the likeliest radius of the decided type. Needs
-    several radii.
+    """With --live and --lengths: after a decision, go on with the likeliest radius of the decided
+    type. Needs several radii.
     """
     initial_state: tuple[float, float, float, float] | None = None
     """Exact state x, vx, y, vy one tick before the first measurement; by default from the
@@ -286,10 +295,13 @@ class TrackingArguments(ErrorArguments):
         parse_modes(self.modes)
         if self.durations is not None:
             parse_durations(self.durations)
-        for name in ("bank", "recalculation", "refine_radius"):
-            if getattr(self, name) and not self.lengths:
+        for name in ("decider", "bank", "refine_radius"):
+            if getattr(self, name) and not self.live:
+                raise reject(name, getattr(self, name), "none without live")
+            if getattr(self, name) and not self.lengths and name != "decider":
                 raise reject(name, getattr(self, name), "none without lengths")
-        task, other = (ANNOUNCED, UNKNOWN) if self.lengths else (UNKNOWN, ANNOUNCED)
+        announced = self.live and self.lengths
+        task, other = (ANNOUNCED, UNKNOWN) if announced else (UNKNOWN, ANNOUNCED)
         if base_name(self._decider_name()) in rules(other):
             remedy = "with --lengths" if self.lengths else "or give --lengths"
             raise reject("decider", self.decider, f"{', '.join(rules(task))} or an agent, {remedy}")
@@ -310,21 +322,22 @@ class TrackingArguments(ErrorArguments):
         model = fit_model(moving, *given)
         stops = with_stop(grid, model, fit_model(grid, *given)) if standing else model
         check_radii(stops)
+        # A live rule is told of switches; hindsight has one model of both.
+        of_rule = lengths if self.live else []
         try:
-            tracker = self._tracker(lengths, grid, stops)
+            tracker = self._tracker(of_rule, grid, stops)
             model, standing = stops, 0
         except ArgumentError:
             if modes or not stops.modes:
                 raise
             # The decider may know only straight motion and turns.
             grid = moving
-            tracker = self._tracker(lengths, grid, model)
+            tracker = self._tracker(of_rule, grid, model)
         start = None if self.initial_state is None else np.array(self.initial_state)
-        decisions = [
-            decide_piece(recording, piece, model, tracker, lengths, start) for piece in grid.pieces
-        ]
+        decide = decide_piece if self.live else smooth_piece
+        decisions = [decide(recording, piece, tracker, lengths, start) for piece in grid.pieces]
         innovations, warnings = check_consistency(grid, model, lengths)
-        unlikely = 0 if lengths else sum(map(unlikely_rows, decisions))
+        unlikely = 0 if lengths or not self.live else sum(map(unlikely_rows, decisions))
         if unlikely:
             warnings.append(
                 f"the stated mode is improbable for long, in {unlikely} rows: the threshold of"
@@ -340,11 +353,13 @@ class TrackingArguments(ErrorArguments):
             warnings=warnings,
             durations=self.durations,
             known_switches=bool(lengths),
+            live=self.live,
             **row_results(recording, grid.pieces, decisions, innovations),
         )
 
     def _decider_name(self) -> str:
-        return self.at_error(self.decider or ("msprt-aware" if self.lengths else "steady"))
+        announced = self.live and self.lengths
+        return self.at_error(self.decider or ("msprt-aware" if announced else "steady"))
 
     def _named(self, decider: Decider) -> str:
         """Return the name of a decider with its threshold, if it has one."""
@@ -381,7 +396,6 @@ class TrackingArguments(ErrorArguments):
                 world = WorldOptions(
                     **options,
                     undecided=self.undecided,
-                    recalculation=self.recalculation,
                     refine_radius=self.refine_radius,
                     scheme=f"random {segments}x{min(lengths)}-{max(lengths)}",
                 )
@@ -478,4 +492,5 @@ def row_results(
         "turns": at_rows([each.turns for each in decisions]),
         "residuals": residuals,
         "pieces": np.concatenate(tables),
+        "moments": np.concatenate([each.moments for each in decisions]),
     }

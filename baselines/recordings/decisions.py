@@ -1,19 +1,19 @@
-"""A decider on a recording: mode, probabilities, estimate and covariance at every row."""
+"""Mode, probabilities, estimate and covariance at every row of a recording: with hindsight, or as a
+decider on a live sensor would state them.
+"""
 
-import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from baselines.recordings.imm_pass import TrackModel
 from baselines.recordings.recording import Recording
-from baselines.recordings.ticks import Piece, TickGrid
+from baselines.recordings.ticks import Piece
 from baselines.recordings.tracker import OnlineTracker
+from baselines.rules.hindsight import smooth_modes
 from hybrid_env.checks import BoolArray, FloatArray, IntArray
-from hybrid_env.live import SQUARE
-from hybrid_env.sensors import Fused, Radar
+from hybrid_env.compiled import MOST_RATES
+from hybrid_env.sensors import Fused
 
 
 class RowDecisions(NamedTuple):
@@ -34,14 +34,64 @@ class RowDecisions(NamedTuple):
     covariances: FloatArray
     # (n, 4) see `Turn`
     turns: FloatArray
-    # (K, 4) first row, end, mode, and row of the decision, -1 without one.
+    # (K, 4) first row, end, mode, and row of the decision, -1 without one and with hindsight.
     pieces: IntArray
+    # (K, 2) times of the rows between which each piece begins with a probability of .95; NaN live.
+    moments: FloatArray
+
+
+def smooth_piece(
+    recording: Recording,
+    piece: Piece,
+    tracker: OnlineTracker,
+    lengths: Sequence[int] = (),
+    start: FloatArray | None = None,
+) -> RowDecisions:
+    """Decide a piece of a recording with hindsight, see `hindsight.smooth_modes`.
+
+    Args:
+        recording: in its own units.
+        piece: between two gaps.
+        tracker: has the model, of unknown switches, and its units.
+        lengths: ticks between switches that are known.
+        start: exact state (4,) one tick before the first measurement; None is not known.
+    """
+    options: Any = tracker.options
+    units = tracker.units
+    values = (piece.measurements - units.origin[::2]) * units.scales[0]
+    for sensor in options.sensors:
+        noises = np.tile([1.0, 0.0, 1.0], (len(values), 1))
+        seen = [sensor.noise(x, y) for x, y in values[piece.measured].tolist()]
+        noises[piece.measured] = np.array(seen) / options.variances[0]
+        rates = np.full((len(values), MOST_RATES), np.nan)
+        rates[:, 0] = piece.rates * units.scales[1]
+        values = np.hstack([values, noises, rates])
+    known = None if start is None else units.start(start, np.zeros((4, 4)))
+    switches = np.cumsum([0, *lengths[:-1]]).tolist() if lengths else None
+    result = smooth_modes(values, options, known, switches)
+    ticks = piece.ticks
+    estimates, covariances = units.moments(result.estimates[ticks], result.covariances[ticks])
+    estimates[:, ::2] += piece.late[:, None] * estimates[:, 1::2]
+    borders = np.searchsorted(ticks, np.append(result.pieces[:, 0], len(values)))
+    pieces = np.stack([borders[:-1], borders[1:], result.pieces[:, 2]], axis=1)
+    # A piece between two rows has none.
+    kept = pieces[:, 1] > pieces[:, 0]
+    first_rows = np.searchsorted(ticks, result.moments[kept]).clip(max=len(ticks) - 1)
+    return RowDecisions(
+        result.modes[ticks],
+        np.ones(len(ticks), bool),
+        result.probabilities[ticks],
+        estimates,
+        covariances,
+        result.turns[ticks] / units.scales[[1, 1, 0, 0]],
+        np.pad(pieces[kept], ((0, 0), (0, 1)), constant_values=-1),
+        recording.times[piece.first + first_rows],
+    )
 
 
 def decide_piece(
     recording: Recording,
     piece: Piece,
-    model: TrackModel,
     tracker: OnlineTracker,
     lengths: Sequence[int] = (),
     start: FloatArray | None = None,
@@ -51,10 +101,7 @@ def decide_piece(
     the first measurement, None starts from the first measurements.
     """
     options: Any = tracker.options
-    covariance: FloatArray | None = np.zeros((4, 4))
-    if start is None and lengths:
-        start, covariance = first_state(piece, recording.radar, model, lengths)
-    tracker.begin(start, None if start is None else covariance)
+    tracker.begin(start, None if start is None else np.zeros((4, 4)))
     total = piece.end - piece.first
     modes = np.zeros(total, int)
     decided = np.zeros(total, bool)
@@ -86,13 +133,6 @@ def decide_piece(
         begun[row] = tracker.begun
         modes[row], decided[row], probabilities[row], estimates[row], covariances[row] = now[:5]
         turns[row] = now.turn
-        if now.recalculated is not None:
-            first = tick + 1 - len(now.recalculated[0])
-            again = np.arange(np.searchsorted(piece.ticks, first), row + 1)
-            of_row = piece.ticks[again] - first
-            estimates[again], covariances[again] = (each[of_row] for each in now.recalculated)
-            estimates[again, ::2] += piece.late[again, None] * estimates[again, 1::2]
-            modes[again] = now.mode
     # Before the first decision the mode is only assumed; without one, that of the bank.
     first = (decided if decided.any() else begun).argmax()
     modes[:first] = modes[first]
@@ -113,35 +153,6 @@ def decide_piece(
             segment[2] = probabilities[end - 1].argmax()
     # A piece between two rows has none.
     pieces = pieces[ends > begins]
-    return RowDecisions(modes, decided, probabilities, estimates, covariances, turns, pieces)
-
-
-def first_state(
-    piece: Piece,
-    radar: Radar | None,
-    model: TrackModel,
-    lengths: Sequence[int],
-) -> tuple[FloatArray | None, FloatArray | None]:
-    """Return estimate (4,) [x, vx, y, vy] and covariance (4, 4) one tick before the first
-    measurement of a piece with known switches, seen backwards; nothing with too few measurements or
-    with modes of the user. A bank for known switches takes its first estimate as exact, and an
-    error there passes on from piece to piece; a straight line is not good enough if the object
-    turns by much in a tick. So the interacting multiple model bank runs backwards over at most 50
-    ticks of the first of `lengths`. They are used twice, which a live sensor does not allow.
-    """
-    ticks = min(50, lengths[0], len(piece.measurements))
-    # The last tick only predicts.
-    values = np.pad(piece.measurements[:ticks][::-1], ((0, 1), (0, 0)), constant_values=np.nan)
-    if np.count_nonzero(~np.isnan(values[:, 0])) < 3 or model.modes:
-        return None, None
-    rates = np.append(-piece.rates[:ticks][::-1], np.nan)
-    rows = np.arange(ticks + 1)
-    backwards = Piece(0, ticks + 1, rows, np.zeros(ticks + 1), values, rates)
-    model = replace(model, duration=math.inf)
-    result, _ = model.run(TickGrid(model.tau, (backwards,), 0, 0.0, radar), (), ticks)
-    origin = np.zeros(4)
-    origin[::2] = values[~np.isnan(values[:, 0])][0] if radar is None else radar.position
-    units = np.array([1.0, -1.0 / model.tau, 1.0, -1.0 / model.tau])
-    units *= math.sqrt(model.measurement_variance)
-    covariance = result.block["covariance"][0, :, 0][SQUARE] * np.outer(units, units)
-    return result.block["estimate"][0, :, 0] * units + origin, covariance
+    moments = np.full((len(pieces), 2), np.nan)
+    arrays = modes, decided, probabilities, estimates, covariances, turns
+    return RowDecisions(*arrays, pieces, moments)

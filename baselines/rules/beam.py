@@ -10,11 +10,13 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from baselines.rules.beam_filters import (
+    BY_LAW,
     BeamModel,
     Branches,
+    Walk,
     begin_branches,
     branch_arrays,
-    step_branches,
+    walk_branches,
 )
 from baselines.rules.beam_prior import Prior, hazard_tables, hazards, mixed_prior
 from baselines.rules.decider import Actions, Variants
@@ -25,6 +27,9 @@ from hybrid_env.compiled import INNOVATION, MEASURED, aligned_zeros
 from hybrid_env.durations import Durations, GeometricDurations
 from hybrid_env.limits import MAX_LENGTH
 from hybrid_env.quickest_options import QuickestOptions
+
+# Nodes and weights that are not kept.
+NOTHING = np.zeros((0, 0, 0), np.int32), np.zeros((0, 0, 0), np.float32)
 
 
 class BeamState(NamedTuple):
@@ -152,12 +157,12 @@ class BeamDecider(MeasurementDecider):
         """Advance the branches of all tracks; see `MeasurementDecider.step`."""
         capacity = state.branches.histories.shape[1]
         run_compiled(
-            step_branches,
+            walk_branches,
             state.branches,
             branch_arrays(1, self.hypotheses + capacity),
             aligned_zeros((1,), INNOVATION),
             aligned_zeros((1,), MEASURED),
-            measurements,
+            Walk(measurements[None], np.full(1, BY_LAW), 0, *NOTHING),
             state.log_probability,
             self.model,
         )

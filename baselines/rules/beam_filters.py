@@ -45,6 +45,8 @@ from hybrid_env.compiled import (
 
 # Rows of the table of hazards: the first segment of an episode, later ones.
 FIRST, LATER = 0, 1
+# In place of the probability that every segment ends after a tick, where the law says it.
+BY_LAW = -1.0
 # Of a branch: its present mode, ticks of the present segment so far, 1 at its first measurement,
 # `FIRST` or `LATER`, the index of its habits in `habits`, and the probability that its segment
 # would end at its last tick, 0 of a new one.
@@ -132,7 +134,7 @@ def branch_arrays(tracks: int, branches: int, modes: int = 0, laws: int = 0) -> 
 
 
 @internal
-def _begin_branch(
+def begin_branch(
     branches: Branches,
     track: int,
     b: int,
@@ -166,7 +168,7 @@ def begin_branches(branches: Branches, track: int, start: FloatArray, model: Bea
     anchor, covariance = estimate_in(start)
     for mode in range(modes):
         weight = start[14 + mode]
-        _begin_branch(branches, track, mode, mode, FIRST, mode, anchor, covariance, weight, model)
+        begin_branch(branches, track, mode, mode, FIRST, mode, anchor, covariance, weight, model)
     branches.counts[track] = modes
     branches.evidence[track] = 0.0
     if model.prior.size > 0:
@@ -241,7 +243,7 @@ def _switch(
         shares = all_shares[mode]
         for b in range(weights.size):
             history = branches.histories[track, b]
-            if history.mode == mode or weights[b] == 0.0:
+            if weights[b] == 0.0:
                 continue
             probability = model.order[history.mode, mode]
             if learns:
@@ -259,7 +261,7 @@ def _switch(
         anchor, covariance = _mixture_of(branches, track, shares, total)
         slot = free[mode] if learns else 0
         weight = math.log(total)
-        _begin_branch(
+        begin_branch(
             children,
             0,
             count,
@@ -276,14 +278,24 @@ def _switch(
 
 
 @internal
+def hazard_at(row: int, mode: int, age: int, ends: float, model: BeamModel) -> float:
+    """Return the probability that a segment ends after an age; `ends` if that is not `BY_LAW`."""
+    if ends != BY_LAW:
+        return ends
+    law = row * (model.hazards.shape[0] // 2) + model.law_places[mode]
+    return model.hazards[law, min(age, model.hazards.shape[1]) - 1]
+
+
+@internal
 def _extend(
     branches: Branches,
     track: int,
     children: Branches,
+    ends: float,
     model: BeamModel,
 ) -> tuple[int, FloatArray]:
     """Write the continuations of all branches of a track to `children`, (1, ...), oldest first
-    if theirs are.
+    if theirs are. ends: probability that a segment ends now, or `BY_LAW`.
 
     Return their number, and the probabilities of each child that begins and its parent, (M,
     branches).
@@ -304,8 +316,7 @@ def _extend(
                 column,
             )
         else:
-            row = history.row * (model.hazards.shape[0] // 2) + model.law_places[history.mode]
-            hazard = model.hazards[row, min(history.age, model.hazards.shape[1]) - 1]
+            hazard = hazard_at(history.row, history.mode, history.age, ends, model)
         weight = branches.filters[track, b // LANES].log_likelihood[b % LANES]
         switches[b] = hazard * math.exp(weight)
         if hazard < 1.0:
@@ -322,29 +333,49 @@ def _extend(
     return _switch(branches, track, switches, children, count, free, shares, model), shares
 
 
+class Walk(NamedTuple):
+    """Ticks over which the branches of N tracks go, and what is kept of them.
+
+    Of a beam that keeps nothing, `nodes` and `weights` have no element.
+    """
+
+    # (T, N, 2) or (T, N, 9), see `sensing.write_measured`
+    measurements: FloatArray
+    # (T,) probability that every segment ends before a tick, or `BY_LAW`.
+    ends: FloatArray
+    # Number of the first of the ticks.
+    first: int
+    # (T, N, B) tick of the begin of each branch times M, plus its mode.
+    nodes: AnyArray
+    # (T, N, B) probabilities of the branches; 0 of none.
+    weights: Float32Array
+
+
 @compiled
-def step_branches(
+def walk_branches(
     branches: Branches,
     children: Branches,
     innovations: AnyArray,
     measured: AnyArray,
-    measurements: FloatArray,
+    walk: Walk,
     log_probability: FloatArray,
     model: BeamModel,
 ) -> None:
-    """Advance the branches of all tracks by one tick, and write the log probabilities of the
-    modes, (N, M).
+    """Advance the branches of all tracks tick by tick, and write the log probabilities of the modes
+    at the last one, (N, M).
 
     `children`, (1, ...), with room for M more branches, and `innovations` and `measured`,
-    (1,), are memory. Measurements are (N, 2) or (N, 9), see `sensing.write_measured`.
+    (1,), are memory.
     """
     capacity = branches.histories.shape[1]
     # Straight motion and turns have the same filter, whose lanes are advanced together.
     lanes = 1 if model.motions["linear"].any() else LANES
-    for track in range(measurements.shape[0]):
+    for each in range(walk.measurements.shape[0] * walk.measurements.shape[1]):
+        track = each % walk.measurements.shape[1]
+        tick = each // walk.measurements.shape[1]
         for lane in range(LANES):
-            write_measured(measured[0], lane, measurements[track])
-        count, shares = _extend(branches, track, children, model)
+            write_measured(measured[0], lane, walk.measurements[tick, track])
+        count, shares = _extend(branches, track, children, walk.ends[tick], model)
         weights = np.empty(count)
         for group in range((count + LANES - 1) // LANES):
             kalman = children.filters[0, group]
@@ -398,3 +429,9 @@ def step_branches(
         branches.evidence[track] -= shift
         for mode in range(log_probability.shape[1]):
             log_probability[track, mode] = math.log(max(log_probability[track, mode], 1e-300))
+        for b in range(kept if walk.nodes.size > 0 else 0):
+            history = branches.histories[track, b]
+            begin = walk.first + tick + 1 - history.age
+            walk.nodes[tick, track, b] = begin * model.motions.size + history.mode
+            log_weight = branches.filters[track, b // LANES].log_likelihood[b % LANES]
+            walk.weights[tick, track, b] = math.exp(log_weight)

@@ -40,7 +40,7 @@ times, measurements = rows[:, 0], rows[:, 1:]
 
 known = track_recording(times, measurements, lengths=(70, 60, 40, 75, 60), radii=radii)
 names = np.array(known.mode_names())
-print("decided:", names[known.pieces[:, 2]], "at the rows", known.pieces[:, 3])
+print("decided:", names[known.pieces[:, 2]])
 
 # %%
 # **Nothing known.** Moments, radii and noise are all found from the positions.

@@ -31,19 +31,17 @@ class ModeDetector(BaseChangeDetector):
 
     Parameters
     ----------
-    decider : str
-        A decider for unknown switch moments, with an optional threshold.
     radii : tuple of float
         Turn radii in the unit of the positions; () finds one to three.
     """
 
-    def __init__(self, decider="threshold:0.8", radii=()):
-        self.decider, self.radii = decider, radii
+    def __init__(self, radii=()):
+        self.radii = radii
 
     def fit(self, X, y=None):
         """Find noise, radii and mean duration in the positions (T, 2), one at every tick."""
         X = validate_data(self, X, dtype=float, ensure_min_samples=5)
-        self.model_ = track_recording(None, X, decider=self.decider, radii=self.radii).model
+        self.model_ = track_recording(None, X, radii=self.radii).model
         return self
 
     def predict_modes(self, X):
@@ -53,7 +51,6 @@ class ModeDetector(BaseChangeDetector):
         return track_recording(
             None,
             validate_data(self, X, reset=False, dtype=float, ensure_min_samples=5),
-            decider=self.decider,
             radii=found.radii,
             measurement_variance=found.measurement_variance,
             process_variance=found.process_variance,
@@ -90,8 +87,7 @@ for name, detect in {"PELT on turn rates": pelt, "ModeDetector": modes}.items():
     print(f"{name:20} precision {precision:.2f}, recall {recall:.2f}, within 25 ticks")
 
 # %%
-# PELT sees the whole track. ``ModeDetector`` states the mode at a tick from the positions up to it, so that its changes come
-# after the switches; it also says which mode follows.
+# Both see the whole track. ``ModeDetector`` also says which mode follows.
 
 track, radii = tracks[1], (5.0,)
 detector = ModeDetector(radii=radii).fit(track)

@@ -24,10 +24,15 @@ def curvatures(options: QuickestOptions) -> FloatArray:
     return np.concatenate([[0.0], inverse, -inverse])
 
 
-def path_posteriors(options: QuickestOptions, measurements: FloatArray) -> FloatArray:
+def path_posteriors(
+    options: QuickestOptions,
+    measurements: FloatArray,
+    smoothed: bool = False,
+) -> FloatArray:
     """Return the logarithms of the posteriors of the modes, (N, T, M), from measurements (N, T, 2)
     of objects without process noise, whose start is known but for the mode. Durations are
-    geometric, so that the modes are a Markov chain. All M^T sequences of modes are paths.
+    geometric, so that the modes are a Markov chain. All M^T sequences of modes are paths. Smoothed,
+    a posterior is given all measurements, else those up to its tick.
     """
     M = options.hypotheses
     turned = 1j * options.tau * options.speed * curvatures(options)
@@ -55,6 +60,9 @@ def path_posteriors(options: QuickestOptions, measurements: FloatArray) -> Float
             square = error.real**2 + error.imag**2
             weights = weights - 0.5 * square / options.variances[0]
             posteriors[track, tick] = sum_by_mode(weights.reshape(-1, M))
+        for tick in range(len(paths) if smoothed else 0):
+            of_tick = weights.reshape(M**tick, M, -1).swapaxes(1, 2)
+            posteriors[track, tick] = sum_by_mode(of_tick.reshape(-1, M))
     return posteriors
 
 
@@ -94,6 +102,8 @@ class Histories(NamedTuple):
     P: FloatArray
     # (n, 6, 6) transition matrix.
     F: FloatArray
+    # (n, T) mode at each tick so far.
+    past: IntArray
 
     def some(self, chosen: NDArray[np.bool_]) -> "Histories":
         """Return the histories that a mask selects."""
@@ -134,6 +144,7 @@ def begin(
     mean = before.mean[:, :4]
     P = before.P[:, :4, :4]
     weight = before.weight
+    past = before.past
     turn_rate = np.zeros(len(weight))
     if curvature != 0.0:
         places, shares = np.polynomial.hermite_e.hermegauss(nodes)
@@ -142,6 +153,7 @@ def begin(
         mean = np.repeat(mean, nodes, axis=0)
         P = np.repeat(P, nodes, axis=0)
         weight = np.repeat(weight, nodes) + np.log(share)
+        past = np.repeat(past, nodes, axis=0)
         speed = np.hypot(mean[:, 2], mean[:, 3])[:, None]
         along = np.zeros_like(mean)
         along[:, 2:] = mean[:, 2:] / speed
@@ -174,6 +186,7 @@ def begin(
         product(A, mean),
         A @ P @ A.swapaxes(1, 2),
         transition(turn_rate, options.tau),
+        past,
     )
 
 
@@ -238,6 +251,7 @@ def history_posteriors(
     measurements: FloatArray,
     first: int | None = None,
     nodes: int = 7,
+    smoothed: bool = False,
 ) -> FloatArray:
     """Return the logarithms of the posteriors of the modes, (T, M), from measurements (T, 2) of an
     object with process noise and a known start.
@@ -247,6 +261,7 @@ def history_posteriors(
         measurements: of one track.
         first: mode of the first segment; None if it is not known.
         nodes: number of speeds at the beginning of a turn.
+        smoothed: whether a posterior is given all measurements, else those up to its tick.
     """
     M = options.hypotheses
     angle = heading_of(options)
@@ -259,6 +274,7 @@ def history_posteriors(
         options.speed * np.array([[0.0, 0.0, *heading, 0.0, 0.0]]),
         np.zeros((1, 6, 6)),
         np.zeros((1, 6, 6)),
+        np.zeros((1, len(measurements)), np.int64),
     )
     # The speed at the start is known.
     parts = [begin(start, mode, options, 1) for mode in range(M) if first in (None, mode)]
@@ -269,7 +285,15 @@ def history_posteriors(
         if tick > 0:
             now = continued(now, options, nodes)
         now = moved(now, measured, options)
-        logs = np.full((len(now.mode), M), -np.inf)
-        logs[np.arange(len(now.mode)), now.mode] = now.weight
-        posteriors[tick] = sum_by_mode(logs)
+        now.past[:, tick] = now.mode
+        posteriors[tick] = _of_modes(now.mode, now.weight, M)
+    for tick in range(len(measurements) if smoothed else 0):
+        posteriors[tick] = _of_modes(now.past[:, tick], now.weight, M)
     return posteriors
+
+
+def _of_modes(modes: IntArray, weights: FloatArray, M: int) -> FloatArray:
+    """Return the logarithms of the shares of modes, (M,), of histories (n,)."""
+    logs = np.full((len(modes), M), -np.inf)
+    logs[np.arange(len(modes)), modes] = weights
+    return sum_by_mode(logs)

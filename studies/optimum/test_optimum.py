@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from scipy.stats import multivariate_normal
 
-from baselines import rollout
+from baselines import rollout, smooth_modes
 from hybrid_env import HybridTrackQuickestVectorEnv, QuickestOptions, simulate
 from studies.optimum.enumeration import history_posteriors, path_posteriors
 from studies.optimum.study import KNOWN_START, WORLDS, bound_scores
@@ -138,3 +138,36 @@ def test_the_quick_form_writes_its_files(tmp_path, run_study):
     counted = figures.at["exact posterior", "right ticks, counted"]
     assert counted == pytest.approx(free["exact posterior"], abs=0.1)
     assert figures["divergence"].dropna().between(0.0, 1.0).all()
+
+
+def five_modes(options, points, smoothed=False):
+    """Posteriors over histories. Without process noise the speed at a switch is known."""
+    return history_posteriors(options, points[0], None, 1, smoothed)
+
+
+@pytest.mark.parametrize(
+    ("changed", "exact", "deviation", "error"),
+    [
+        ({"ticks": 12, "durations": "geometric 50"}, path_posteriors, 0.1, 0.03),
+        ({"ticks": 13, "durations": "uniform 4-7", "radii": (2.0, 5.0)}, five_modes, 0.3, 0.05),
+        ({"ticks": 13, "durations": "uniform 4-7", "radii": (2.0, 5.0)}, five_modes, 0.1, 0.001),
+    ],
+)
+def test_hindsight_is_nearly_the_posterior_over_all_histories(changed, exact, deviation, error):
+    """Histories that merge are exact only where the measurements tell them apart."""
+    known = {"tau": 0.5, "process_variance": 0.0, "measurement_variance": deviation**2}
+    options = QuickestOptions(**PATHS | known | changed)
+    modes = [0] * 4 + [1] * 5 + [0] * (options.ticks - 9)
+    path = path_of(modes, options.tau)
+    start = np.array([0.0, 2.0, 0.0, 0.0]), np.zeros((4, 4))
+    differences = []
+    for seed in range(2):
+        points = path + np.random.default_rng(seed).normal(0.0, deviation, path.shape)
+        causal, expected = (
+            np.exp(exact(options, points[None], smoothed=smoothed)).reshape(-1, options.hypotheses)
+            for smoothed in (False, True)
+        )
+        result = smooth_modes(points, options, start)
+        differences.append(np.abs(result.probabilities - expected).max(1))
+        assert np.abs(causal - expected).max() > 0.2
+    assert np.mean(differences) < error

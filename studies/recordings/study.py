@@ -50,7 +50,7 @@ def state(name: str, kind: str, seed: int, ticks: int, deciders: Sequence[str]) 
     stated = {}
     letters = {}
     for decider in deciders:
-        tracked = track_recording(*recording[:2], decider=decider, **given)
+        tracked = track_recording(*recording[:2], decider=decider, live=True, **given)
         model = tracked.model
         given = {
             "radii": model.radii,

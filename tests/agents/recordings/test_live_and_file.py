@@ -36,7 +36,7 @@ def test_live_and_from_a_file_the_decisions_are_the_same(name, losses, tmp_path)
         **losses,
     )
     for recording in read_recordings(write(rows, tmp_path)).recordings:
-        tracked = TrackingArguments().track(recording)
+        tracked = TrackingArguments(live=True).track(recording)
         tracker = OnlineTracker.from_recording(tracked)
         arrived = rows.of(recording.name)
         # Each measurement has the number of its row in the file, whose rows are sorted.

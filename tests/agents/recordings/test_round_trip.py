@@ -128,11 +128,9 @@ def test_pieces_have_the_times_and_places_of_their_rows(folder):
         assert (pieces[f"{moment}_time"] == rows["time"]).all()
         for axis in ("x", "y", "lat", "lon"):
             assert (pieces[f"{moment}_{axis}"] == rows[f"estimate_{axis}"]).all()
-    times = results.set_index("t")["time"]
-    decided = pieces[~pieces["undecided"]]
 
-    assert decided["decided_time"].tolist() == times[decided["decided_at"]].tolist()
-    assert pieces["decided_time"].isna().tolist() == pieces["undecided"].tolist()
+    assert (pieces["begin_low"] <= pieces["begin"]).all()
+    assert (pieces["begin"] <= pieces["begin_high"]).all()
     assert (pieces["object"] == "walker").all()
 
 
@@ -248,14 +246,15 @@ def test_settings_are_what_was_found(drive):
     settings = json.loads(json.dumps(tracked.settings(), allow_nan=False))
     again = track_recording(
         *drive,
-        decider=settings["decider"],
         radii=tuple(settings["radii"]),
         measurement_variance=settings["measurement_variance"],
         process_variance=settings["process_variance"],
         durations=settings["durations"],
     )
 
-    np.testing.assert_array_equal(again.probabilities, tracked.probabilities)
+    # The usual speed, from which the start follows, depends a little on the noise that is given.
+    np.testing.assert_allclose(again.probabilities, tracked.probabilities, atol=1e-3)
+    np.testing.assert_array_equal(again.modes, tracked.modes)
     assert re.fullmatch(r"\w+:[\d.]+", settings["decider"])
     assert settings["gap"] == pytest.approx(20.0)
     assert not settings["known_switches"]

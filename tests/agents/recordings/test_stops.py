@@ -185,7 +185,7 @@ def test_a_decider_of_turns_leaves_the_stops_out():
     """It states no mode there, and goes on after each stop."""
     times, positions, _ = recorded("robot")
 
-    tracked = track_recording(times, positions, decider="shipped")
+    tracked = track_recording(times, positions, decider="shipped", live=True)
 
     assert tracked.mode_names() == ["S", "L", "R"]
     assert abs(tracked.standing - 600) <= 20
@@ -202,7 +202,7 @@ def test_a_live_tracker_states_the_stops_of_the_file(tmp_path, capsys):
         file, index=False
     )
 
-    assert main(["track", str(file)]) == 0
+    assert main(["track", str(file), "--live"]) == 0
 
     printed = capsys.readouterr().out
     assert "modes S, L, R, stop" in " ".join(printed.split())
@@ -256,10 +256,12 @@ def test_a_recording_of_an_oscillator_is_tracked_by_linear_modes(tmp_path):
         positions.append(state[::2])
     measured = 1e3 * (np.array(positions) + rng.normal(0.0, 0.1, (len(truth), 2)))
 
-    tracked = track_recording(None, measured, modes=modes)
+    whole = track_recording(None, measured, modes=modes)
+    tracked = track_recording(None, measured, modes=modes, live=True)
 
     assert tracked.mode_names() == ["fast", "slow"]
     assert np.mean(tracked.modes == truth) > 0.9
+    assert np.mean(whole.modes == truth) > 0.98
     write_json(tmp_path / "track.json", tracked.settings())
     tracker = OnlineTracker.from_recording(tmp_path / "track.json")
     assert tracker.options == OnlineTracker.from_recording(tracked).options

@@ -55,7 +55,6 @@ def right_from_true_start(target, measurements, name):
         decisions = decide_piece(
             recording,
             piece,
-            model,
             tracker,
             LENGTHS,
             np.array(target.start),
@@ -64,11 +63,10 @@ def right_from_true_start(target, measurements, name):
     return np.mean(right)
 
 
-def right_from_recording(target, measurements, name):
+def right_from_recording(target, measurements):
     known = {
         "lengths": LENGTHS,
         "radii": (target.radius,),
-        "decider": name,
     }
     tracked = [
         track_recording(
@@ -91,7 +89,6 @@ def test_pieces_of_known_lengths_are_right_at_any_scale(name):
         right_from_recording(
             target,
             measurements,
-            "msprt-aware",
         )
         >= 24 / 28
     )
@@ -119,7 +116,6 @@ def test_95_percent_of_pieces_are_right_where_the_true_start_gives_97(name, deci
         right_from_recording(
             target,
             measurements,
-            decider,
         )
         >= 0.95
     )
@@ -160,6 +156,7 @@ def agreement(target, decider, tracks, seed):
             target.times(ticks),
             points,
             decider=decider,
+            live=True,
         )
         turns = 1 + (tracked.modes > len(tracked.model.radii))
         right.append(
@@ -188,21 +185,22 @@ def test_unknown_lengths_are_as_in_the_environment():
 
 
 @pytest.mark.parametrize("name", OBJECTS)
-def test_no_piece_of_the_default_decider_is_shorter_than_three_rows(name):
+def test_no_piece_is_shorter_than_three_rows(name):
     """A threshold gives such pieces on the same recordings, where no true one is below 50 rows."""
     target = OBJECTS[name]
     shortest = {}
-    for decider in ("threshold", None):
+    for decider in ("threshold", "steady", None):
         tracked = [
             track_recording(
                 target.times(len(run)),
                 run,
                 decider=decider,
+                live=decider is not None,
             )
             for run in target.simulate(4, seed=3).measurements
         ]
         shortest[decider] = min(np.diff(each.pieces[:, :2]).min() for each in tracked)
-    assert shortest[None] >= 3 > shortest["threshold"]
+    assert min(shortest[None], shortest["steady"]) >= 3 > shortest["threshold"]
 
 
 @pytest.mark.study
@@ -223,7 +221,11 @@ def test_agreement_of_unknown_lengths_is_within_two_percent(name, decider):
 
 def test_a_car_is_tracked_without_any_option(drive):
     free = track_recording(TIMES, drive)
-    assert (free.modes == TRUE).mean() > 0.93
+    assert (free.modes == TRUE).mean() > 0.98
+    assert (free.modes[:20] == TRUE[:20]).all()
+    begins = TIMES[np.cumsum(PIECES[:-1])]
+    assert (free.moments[1:, 0] <= begins).all()
+    assert (begins <= free.moments[1:, 1]).all()
     assert free.model.radii == pytest.approx((200.0,), rel=0.03)
     assert free.warnings == []
 
@@ -259,7 +261,8 @@ def test_units_change_no_decision(options, drive):
     np.testing.assert_allclose(
         other.probabilities,
         plain.probabilities,
-        atol=1e-6,
+        # A node that is barely kept in one unit may be left out in the other.
+        atol=1e-4,
     )
     positions = plain.estimates[:, ::2]
     np.testing.assert_allclose(
@@ -289,6 +292,7 @@ def test_missing_rows_are_predicted(drive):
         empty,
         lengths=PIECES,
         decider="shipped",
+        live=True,
     )
     assert known.pieces[:, 2].tolist() == [2, 1, 0, 1]
 

@@ -7,13 +7,11 @@ import pytest
 from matrix_filters import MatrixKalmanFilter
 from recorded_tracks import OBJECTS
 
-from baselines.recordings.decisions import first_state
 from baselines.recordings.imm_pass import TrackModel, grid_chunks, run_pass
 from baselines.recordings.model_fit import fit_model
 from baselines.recordings.recording import make_recording
 from baselines.recordings.ticks import Piece, TickGrid, tick_grid
 from hybrid_env.modes import Straight
-from hybrid_env.simulation import simulate
 
 
 def matrix_likelihood(z, R, Q):
@@ -92,35 +90,6 @@ def test_straight_motion_has_the_likelihood_of_a_matrix_filter(modes):
     )
 
     assert total == pytest.approx(expected, rel=1e-9)
-
-
-def test_the_state_before_the_first_measurement_is_found_backwards():
-    model = TrackModel(
-        (5.0,),
-        0.01,
-        0.001,
-        math.inf,
-        2.0,
-        0.1,
-    )
-    errors = []
-    for run in simulate(
-        "L50r5",
-        20,
-        1,
-        measurement_variance=0.01,
-    ).measurements:
-        [piece] = tick_grid(make_recording(0.1 * np.arange(len(run)), run)).pieces
-        estimate, covariance = first_state(
-            piece,
-            None,
-            model,
-            [50],
-        )
-        error = estimate - [0.0, 0.0, 0.0, 2.0]
-        errors.append(error @ np.linalg.solve(covariance, error))
-    # Chi-square with 4 degrees of freedom: the mean of 20 has a standard deviation of 0.63.
-    assert 4.0 - 4.0 * 0.63 < np.mean(errors) < 4.0 + 4.0 * 0.63
 
 
 def test_noise_and_radii_are_found_from_the_recording():

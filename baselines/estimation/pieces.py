@@ -1,0 +1,343 @@
+"""Estimates along known modes, given all measurements: a filter forwards and its adjoint backwards.
+
+In straight motion and turns the state is [x, y, vx, vy, ux, uy, turn rate] of `turns`, whose radius
+is not known exactly; in a linear mode [x, y, vx, vy, ax, ay, 0]. A segment begins with the position
+and the velocity of the one before, and what else its mode says. The motion is linear but for the
+turn rate, which does not change in a segment: it is linearised at the turn rate that the smoother
+found before. The smoother is that of Bryson & Frazier 1963 in the form of Bierman 1973, "Fixed
+interval smoothing with discrete measurements": it inverts no covariance of the state, which is
+singular where a segment begins or an object stands.
+
+Forwards, a tick predicts state x and covariance P by its step A. A measurement z of the position H
+x, whose errors have the covariance R, corrects them:
+
+    S = H P H' + R    K = P H' S^-1    x := x + K (z - H x)    P := (I - K H) P
+
+Backwards, the adjoint l and the information L of all later ticks begin with 0. After the correction
+of a tick the smoothed state is x - P l, and its covariance P - P L P. Then the tick itself adds
+what it says, of the quantities forwards before the correction:
+
+    l := A' ((I - K H)' l - H' S^-1 (z - H x))
+    L := A' ((I - K H)' L (I - K H) + H' S^-1 H) A
+
+Where a segment begins, A is the product of its first step and of the matrix by which its state
+follows from that of the segment before. The filter of a block runs again before its way back, so
+that memory does not grow with all that it remembers.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from baselines.estimation.turns import turn_of
+from hybrid_env.checks import AnyArray, BoolArray, FloatArray, IntArray, Moments
+from hybrid_env.compiled import compiled, internal, prepare
+
+STATES = 7
+# Places of the own states in [x, vx, y, vy, ax, ay] of a linear mode.
+LINEAR = [0, 2, 1, 3, 4, 5]
+# Ticks of a block.
+BLOCK = 512
+# Relative deviation of the curvature of a turn from that of its mode.
+SPREAD = 0.5
+# Times that the turn rates are found anew.
+ROUNDS = 3
+
+
+class Segments(NamedTuple):
+    """What the K segments of a track are made of."""
+
+    # (T,) number of the segment of each tick.
+    places: IntArray
+    # (T,) True where one begins.
+    begins: BoolArray
+    # (K,) 1 / radius of the mode, positive to the left; 0 of others.
+    curvatures: FloatArray
+    # (K,) acceleration along the heading at the begin; NaN of straight motion and turns.
+    accelerations: FloatArray
+    # (K, 6, 6) by which the first six states move in a tick, its derivative by the turn rate, what
+    # is added, and the covariance of the noise.
+    F: FloatArray
+    slopes: FloatArray
+    B: FloatArray
+    Q: FloatArray
+    # (K,) turn rate at which the motion is linearised.
+    rates: FloatArray
+
+
+class Memory(NamedTuple):
+    """What the filter remembers of the n ticks of a block."""
+
+    # (n + 1, 7) and (n + 1, 7, 7), of which the first rows are those before the block.
+    states: FloatArray
+    covariances: FloatArray
+    # (n, 7, 7) of the state by that of the tick before.
+    steps: FloatArray
+    # (n, 7, 2)
+    gains: FloatArray
+    # (n, 2) innovations, and (n, 2, 2) the inverses of their covariances, 0 without a measurement.
+    errors: FloatArray
+    inverses: FloatArray
+
+
+@internal
+def _begin(
+    x: FloatArray,
+    P: FloatArray,
+    curvature: float,
+    acceleration: float,
+    speed: float,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Begin a segment at the estimate of the one before.
+
+    Args:
+        x: (7,) state of the segment before, of which position and velocity count.
+        P: (7, 7) its covariance.
+        curvature: of the mode, see `Segments`.
+        acceleration: of the mode, likewise.
+        speed: of a turn if the estimate does not tell it [m/s], else 0.
+
+    Returns:
+        State (7,), covariance (7, 7), and the matrix (7, 7) of the state by that before.
+    """
+    begun = np.zeros(STATES)
+    begun[:4] = x[:4]
+    J = np.zeros((STATES, STATES))
+    J[:4, :4] = np.eye(4)
+    known = math.hypot(x[2], x[3])
+    along = x[2:4] / max(known, 1e-300)
+    if math.isnan(acceleration):
+        begun[4:6] = x[2:4]
+        J[4:6, 2:4] = np.eye(2)
+        begun[6] = curvature * max(known, speed)
+        J[6, 2:4] = curvature * along * (speed == 0.0)
+    else:
+        # Bounded as in `anchor_aware.begin_hypothesis`.
+        slope = acceleration / max(known, math.sqrt(P[2, 2] + P[3, 3]), 1e-12)
+        begun[4:6] = acceleration * along
+        J[4:6, 2:4] = slope * (np.eye(2) - np.outer(along, along))
+    spread = J @ P @ J.T
+    spread[6, 6] += (SPREAD * begun[6]) ** 2
+    return begun, spread, J
+
+
+@compiled
+def _filter(
+    measurements: FloatArray,
+    noises: FloatArray,
+    first: int,
+    segments: Segments,
+    speed: float,
+    freedom: float,
+    memory: Memory,
+) -> None:
+    """Filter the ticks of a block and fill its memory.
+
+    Args:
+        measurements: (T, 2) positions up to the end of the block, NaN where there is none [m].
+        noises: (T, 3) their covariances xx, xy, yy [m^2].
+        first: number of the first tick of the block.
+        segments: of the whole track.
+        speed: as in `_begin`, of the first segment.
+        freedom: of Student's t errors; 0 is normal ones.
+        memory: its first rows have state and covariance before the block.
+    """
+    x = memory.states[0].copy()
+    P = memory.covariances[0].copy()
+    A = np.eye(STATES)
+    S = np.empty((2, 2))
+    for k in range(len(measurements) - first):
+        place = segments.places[first + k]
+        J = np.eye(STATES)
+        if segments.begins[first + k]:
+            curvature, acceleration = segments.curvatures[place], segments.accelerations[place]
+            x, P, J = _begin(x, P, curvature, acceleration, speed if first + k == 0 else 0.0)
+        A[:6, :6] = segments.F[place]
+        slope = segments.slopes[place] @ x[:6]
+        A[:6, 6] = slope
+        x = A @ x
+        x[:6] += segments.B[place] - slope * segments.rates[place]
+        P = A @ P @ A.T
+        P[:6, :6] += segments.Q[place]
+        memory.steps[k] = A @ J
+        memory.gains[k] = 0.0
+        memory.errors[k] = 0.0
+        memory.inverses[k] = 0.0
+        if not math.isnan(measurements[first + k, 0]):
+            error = measurements[first + k] - x[:2]
+            inverse = memory.inverses[k]
+            weight = 1.0
+            # To a robust likelihood the noise of a measurement that is far is larger.
+            for _ in range(2 if freedom > 0.0 else 1):
+                xx, xy, yy = noises[first + k] / weight
+                S[0, 0], S[0, 1] = P[1, 1] + yy, -P[0, 1] - xy
+                S[1, 0], S[1, 1] = S[0, 1], P[0, 0] + xx
+                inverse[:] = S / (S[0, 0] * S[1, 1] - S[0, 1] * S[1, 0])
+                weight = min((freedom + 2.0) / (freedom + error @ (inverse @ error)), 1.0)
+            gain = np.ascontiguousarray(P[:, :2]) @ inverse
+            x = x + gain @ error
+            P = P - gain @ P[:2]
+            # Rounding errors that are not symmetric would grow.
+            P = 0.5 * (P + P.T)
+            memory.gains[k] = gain
+            memory.errors[k] = error
+        memory.states[k + 1] = x
+        memory.covariances[k + 1] = P
+
+
+@compiled
+def _return(
+    memory: Memory,
+    adjoint: FloatArray,
+    information: FloatArray,
+    means: FloatArray,
+    covariances: FloatArray,
+    turns: FloatArray,
+) -> None:
+    """Smooth a block that was filtered.
+
+    Args:
+        memory: of the block.
+        adjoint: (7,) of the later blocks; it is brought to the begin of this one.
+        information: (7, 7) likewise.
+        means: (n, 7) smoothed states, written.
+        covariances: (n, 7, 7) their covariances, written.
+        turns: (n, 4) see `turns.Turn`, written.
+    """
+    for k in range(len(means) - 1, -1, -1):
+        P = memory.covariances[k + 1]
+        means[k] = memory.states[k + 1] - P @ adjoint
+        covariances[k] = P - P @ information @ P
+        values = turn_of(means[k], covariances[k])
+        for j in range(4):
+            turns[k, j] = values[j]
+        inverse = memory.inverses[k]
+        step = memory.steps[k]
+        seen = step[:2]
+        # The step, and what the correction by the measurement leaves of it.
+        left = step - memory.gains[k] @ seen
+        adjoint[:] = left.T @ adjoint - seen.T @ (inverse @ memory.errors[k])
+        information[:] = left.T @ information @ left + seen.T @ inverse @ seen
+
+
+def _matrices(rates: FloatArray, tau: float) -> Moments:
+    """Return how turns move in a tick.
+
+    Args:
+        rates: (K,) turn rates [rad/s].
+        tau: length of a tick [s].
+
+    Returns:
+        (K, 6, 6) matrices of position, v and u, as `turns.turn_matrix`, and their derivatives by
+        the turn rates.
+    """
+
+    def matrices(rate: FloatArray) -> FloatArray:
+        angle = rate * tau
+        cosine, sine = np.cos(angle), np.sin(angle)
+        along = tau * np.sinc(angle / np.pi)
+        across = 0.5 * tau * angle * np.sinc(0.5 * angle / np.pi) ** 2
+        F = np.zeros((len(rate), 6, 6))
+        for k in range(2):
+            # A left turn by 90 degrees moves coordinate `other` to k.
+            other, sign = 1 - k, 2.0 * k - 1.0
+            F[:, k, k] = 1.0
+            F[:, k, 2 + k] = along
+            F[:, k, 4 + other] = sign * across
+            F[:, 2 + k, 2 + k] = F[:, 4 + k, 4 + k] = cosine
+            F[:, 2 + k, 4 + other] = F[:, 4 + k, 2 + other] = sign * sine
+        return F
+
+    # Of the angle of a tick [rad], for which third derivatives have no weight.
+    step = 1e-4 / tau
+    return matrices(rates), (matrices(rates + step) - matrices(rates - step)) / (2.0 * step)
+
+
+def smooth_pieces(
+    measurements: FloatArray,
+    noises: FloatArray,
+    pieces: IntArray,
+    start: Moments,
+    motions: AnyArray,
+    tau: float,
+    process_variance: float,
+    speed: float = 0.0,
+    freedom: float = 0.0,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return estimates (T, 4) [x, vx, y, vy], covariances (T, 4, 4) and turns (T, 4), see
+    `turns.Turn`, given all measurements and the modes.
+
+    Args:
+        measurements: (T, 2) positions [m], NaN where there is none.
+        noises: (T, 3) their covariances xx, xy, yy [m^2].
+        pieces: (K, 3) first tick, end, and row of `motions` of the segments.
+        start: estimate (4,) and covariance (4, 4) one tick before the first measurement.
+        motions: (M,) records `MOTION`.
+        tau: length of a tick [s].
+        process_variance: Q [m^2/s^2], of straight motion and turns.
+        speed: of the object [m/s] if the start does not tell it, else 0.
+        freedom: of Student's t errors; 0 is normal ones.
+    """
+    ticks = len(measurements)
+    order = [0, 2, 1, 3]
+    of_pieces = motions[pieces[:, 2]]
+    linear = of_pieces["linear"]
+    radii = of_pieces["signed_radius"]
+    curvatures = np.divide(1.0, radii, out=np.zeros(len(radii)), where=radii != 0.0)
+    places = np.repeat(np.arange(len(pieces)), pieces[:, 1] - pieces[:, 0])
+    begins = np.zeros(ticks, bool)
+    begins[pieces[:, 0]] = True
+    own = np.ix_(LINEAR, LINEAR)
+    Q = np.zeros((len(pieces), 6, 6))
+    Q[:, [2, 3], [2, 3]] = process_variance
+    Q[linear] = of_pieces["Q"][linear][:, own[0], own[1]]
+    B = np.where(linear[:, None], of_pieces["B"][:, LINEAR], 0.0)
+    accelerations = np.where(linear, of_pieces["acceleration"], np.nan)
+    memory = Memory(
+        np.zeros((BLOCK + 1, STATES)),
+        np.zeros((BLOCK + 1, STATES, STATES)),
+        np.zeros((BLOCK, STATES, STATES)),
+        np.zeros((BLOCK, STATES, 2)),
+        np.zeros((BLOCK, 2)),
+        np.zeros((BLOCK, 2, 2)),
+    )
+    means, spreads = np.empty((BLOCK, STATES)), np.empty((BLOCK, STATES, STATES))
+    results = np.empty((ticks, 4)), np.empty((ticks, 4, 4)), np.empty((ticks, 4))
+    rates = curvatures * speed
+
+    def run_filter(first: int, segments: Segments) -> int:
+        end = min(first + BLOCK, ticks)
+        arguments = measurements[:end], noises, first, segments, speed, freedom, memory
+        prepare(_filter, *arguments)
+        _filter(*arguments)
+        return end - first
+
+    for _ in range(ROUNDS):
+        F, slopes = _matrices(rates, tau)
+        F[linear], slopes[linear] = of_pieces["F"][linear][:, own[0], own[1]], 0.0
+        segments = Segments(places, begins, curvatures, accelerations, F, slopes, B, Q, rates)
+        x, P = np.zeros(STATES), np.zeros((STATES, STATES))
+        x[:4], P[:4, :4] = start[0][order], start[1][np.ix_(order, order)]
+        anchors = []
+        for first in range(0, ticks, BLOCK):
+            anchors.append((x, P))
+            memory.states[0], memory.covariances[0] = x, P
+            count = run_filter(first, segments)
+            x, P = memory.states[count].copy(), memory.covariances[count].copy()
+        adjoint, information = np.zeros(STATES), np.zeros((STATES, STATES))
+        found = np.zeros(ticks)
+        for first, anchor in zip(range(0, ticks, BLOCK)[::-1], anchors[::-1], strict=True):
+            memory.states[0], memory.covariances[0] = anchor
+            count = run_filter(first, segments)
+            part = slice(first, first + count)
+            smoothed = means[:count], spreads[:count], results[2][part]
+            arguments = memory, adjoint, information, *smoothed
+            prepare(_return, *arguments)
+            _return(*arguments)
+            results[0][part] = means[:count, order]
+            results[1][part] = spreads[:count][:, order][:, :, order]
+            found[part] = means[:count, 6]
+        rates = found[pieces[:, 1] - 1]
+    results[2][linear[places], 2:] = np.nan
+    return results

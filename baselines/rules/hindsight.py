@@ -1,0 +1,262 @@
+"""Modes and estimates of a whole recording, each from all of its measurements."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from baselines.estimation.pieces import smooth_pieces
+from baselines.rules.beam import BeamDecider
+from baselines.rules.beam_filters import BY_LAW
+from baselines.rules.lattice import smooth_lattice, walk_lattice
+from baselines.rules.measurements import run_compiled
+from hybrid_env.checks import (
+    FloatArray,
+    IntArray,
+    Moments,
+    check_array,
+    check_covariance,
+    check_integer,
+    reject,
+)
+from hybrid_env.compiled import compiled
+from hybrid_env.live import TRIANGLE
+from hybrid_env.noises import StudentNoise
+from hybrid_env.quickest_options import QuickestOptions
+
+# Headings of an object whose start is not known.
+HEADINGS = 8
+# Rows that a change of the mode costs. A piece between two of one mode is worth it if it makes more
+# than twice as many rows right; a piece between two other modes has three rows or more.
+CHANGE_COST = 2.0
+# Probability outside of the interval of a moment, on each side.
+OUTSIDE = 0.025
+
+
+class SmoothedModes(NamedTuple):
+    """What T measurements say about M modes, K pieces of one mode, and the object.
+
+    Attributes:
+        modes: (T,) those with the largest expected number of right rows, less 2 for each change.
+        probabilities: (T, M) of the modes.
+        pieces: (K, 3) first tick, end and mode of the pieces.
+        moments: (K, 2) first and last tick of the interval that holds the begin of a piece with a
+            probability of .95.
+        estimates: (T, 4) [x, vx, y, vy] along the modes.
+        covariances: (T, 4, 4) of the estimates.
+        turns: (T, 4) speed and radius with their deviations, see `Turn`.
+        log_likelihood: of the measurements.
+    """
+
+    modes: IntArray
+    probabilities: FloatArray
+    pieces: IntArray
+    moments: IntArray
+    estimates: FloatArray
+    covariances: FloatArray
+    turns: FloatArray
+    log_likelihood: float
+
+
+def smooth_modes(
+    measurements: ArrayLike,
+    options: QuickestOptions,
+    start: Moments | None = None,
+    switches: Sequence[int] | None = None,
+    branches: int | None = None,
+) -> SmoothedModes:
+    """Decide the modes of a whole recording at uniform ticks, and smooth its estimates.
+
+    Args:
+        measurements: (T, 2) positions [m], NaN where there is none. With sensors (T, 9): position,
+            its covariance xx, xy, yy over R, and range rates, see `hybrid_env.sensors.Fused`.
+        options: of the environment whose model is assumed: modes, noises, durations, transitions,
+            and as `likelihood` normal errors or Student's t. The speed is roughly its own.
+        start: estimate (4,) [x, vx, y, vy] and covariance (4, 4) one tick before the first
+            measurement; None if nothing is known.
+        switches: ticks at which the mode may change, to any mode with the same probability; None
+            if they are not known.
+        branches: largest number of segments that are followed at a tick; None is that of
+            `BeamDecider`.
+
+    >>> from hybrid_env import simulate
+    >>> seen = simulate("S60 L60r5", seed=1, measurement_variance=0.01).measurements[0]
+    >>> result = smooth_modes(seen, QuickestOptions(measurement_variance=0.01))
+    >>> result.pieces[:, 2].tolist(), abs(result.pieces[1, 0] - 60) < 5
+    ([0, 1], True)
+    """
+    values = np.asarray(measurements, float)
+    columns = 9 if values.ndim == 2 and values.shape[1] == 9 else 2
+    values = check_array("measurements", values, (None, columns), missing=True)
+    measured = ~np.isnan(values[:, 0])
+    if not (measured[:1].all() and measured.any()) and start is None:
+        raise reject("measurements", "no position in the first row", "one, or a start")
+    R = options.variances
+    noises = np.tile([R[0], 0.0, R[-1]], (len(values), 1))
+    if columns == 9:
+        noises[measured] = R[0] * values[measured, 2:5]
+    freedom = 0.0
+    if isinstance(options.likelihood, StudentNoise):
+        freedom = float(options.likelihood.freedom)
+    decider = BeamDecider(options, branches=branches)
+    model = decider.model
+    model = model._replace(filters=model.filters._replace(freedom=freedom))
+    ends = np.full(len(values), BY_LAW)
+    if switches is not None:
+        ticks = [check_integer("switches", k, 0, len(values) - 1) for k in switches]
+        borders = np.unique([0, *ticks])
+        ends[:] = 0.0
+        ends[borders] = 1.0
+        model = model._replace(order=np.full_like(model.order, 1.0 / options.hypotheses))
+    # The first segment begins with the first measurement.
+    ends[0] = 0.0
+    if start is None:
+        starts, rough = _unknown_starts(values[0, :2], noises[0], options)
+        speed = options.speed
+    else:
+        rough = check_array("start", start[0], (4,)), check_array("start", start[1], (4, 4))
+        check_covariance("start", rough[1], definite=False)
+        starts, speed = np.array([[*rough[0], *rough[1][TRIANGLE]]]), 0.0
+    lattice = walk_lattice(values, starts, ends, decider.branches, model)
+    probabilities, begins = smooth_lattice(lattice, model)
+    if switches is None:
+        modes = choose_modes(_in_types(probabilities, options), measured.astype(float))
+        borders = np.flatnonzero(np.diff(modes, prepend=-1))
+    else:
+        modes = np.repeat(
+            np.add.reduceat(probabilities, borders).argmax(1),
+            np.diff(borders, append=len(values)),
+        )
+    pieces = np.stack([borders, np.append(borders[1:], len(values)), modes[borders]], axis=1)
+    smoothed = smooth_pieces(
+        values[:, :2].copy(),
+        noises,
+        pieces,
+        rough,
+        options.motions,
+        options.tau,
+        options.process_variance,
+        speed,
+        freedom,
+    )
+    # An object that stands has no speed, also where its position drifts.
+    stands = np.array([mode.type == "stop" for mode in options.all_modes])
+    smoothed[2][stands[modes], :2] = 0.0
+    known = pieces[:, [0, 0]]
+    moments = known if switches is not None else _moments(begins, pieces)
+    return SmoothedModes(modes, probabilities, pieces, moments, *smoothed, lattice.evidence)
+
+
+def _unknown_starts(
+    position: FloatArray,
+    noise: FloatArray,
+    options: QuickestOptions,
+) -> tuple[FloatArray, Moments]:
+    """Return where an object may have been one tick before its first measurement.
+
+    What is said of the position has little weight beside the measurement.
+
+    Args:
+        position: (2,) that was measured first [m].
+        noise: (3,) xx, xy, yy of its covariance [m^2].
+        options: with the speed of the object.
+
+    Returns:
+        (k, 14) starts with headings all around, see `lattice.walk_lattice`, and one estimate with
+        its covariance for all of them.
+    """
+    angles = 2.0 * np.pi * np.arange(HEADINGS) / HEADINGS
+    x, y = position
+    wide = 25.0 * max(noise[0], noise[2])
+    starts = []
+    for c, s in zip(np.cos(angles), np.sin(angles), strict=True):
+        vx, vy = options.speed * c, options.speed * s
+        P = np.diag([wide, (0.5 * options.speed) ** 2] * 2)
+        starts.append([x - options.tau * vx, vx, y - options.tau * vy, vy, *P[TRIANGLE]])
+    velocity = 2.0 * options.speed
+    P = np.diag([wide + (options.tau * velocity) ** 2, velocity**2] * 2)
+    return np.array(starts), (np.array([x, 0.0, y, 0.0]), P)
+
+
+def _in_types(probabilities: FloatArray, options: QuickestOptions) -> FloatArray:
+    """Return what a row of each mode is worth, (T, M).
+
+    A turn of another radius to the same side is four fifths right, so that the radius of a turn
+    does not change with the noise.
+
+    Args:
+        probabilities: (T, M) of the modes.
+        options: with the modes.
+    """
+    motions = options.motions
+    own = np.where(
+        motions["linear"], 2 + np.arange(len(motions)), np.sign(motions["signed_radius"])
+    )
+    return 0.8 * probabilities @ np.equal.outer(own, own) + 0.2 * probabilities
+
+
+@compiled
+def _choose(
+    probabilities: FloatArray,
+    weights: FloatArray,
+    cost: float,
+    before: IntArray,
+    modes: IntArray,
+) -> None:
+    """Write the sequence of modes whose value is the largest, by dynamic programming.
+
+    Args:
+        probabilities: (T, M) what each mode is worth at a tick.
+        weights: (T,) by which these are multiplied.
+        cost: of a change.
+        before: (T, M) memory: mode at the tick before, of the best sequence with a mode at a tick.
+        modes: (T,) of the sequence, written.
+    """
+    total = np.zeros(probabilities.shape[1])
+    for k in range(len(modes)):
+        best = total.argmax()
+        changed = total[best] - cost
+        for mode in range(total.size):
+            stays = total[mode] >= changed
+            before[k, mode] = mode if stays else best
+            total[mode] = max(total[mode], changed) + weights[k] * probabilities[k, mode]
+    mode = int(total.argmax())
+    for k in range(len(modes) - 1, -1, -1):
+        modes[k] = mode
+        mode = before[k, mode]
+
+
+def choose_modes(
+    probabilities: FloatArray,
+    weights: FloatArray,
+    cost: float = CHANGE_COST,
+) -> IntArray:
+    """Return the modes (T,) with the largest expected number of right rows, less the cost of each
+    change. weights: (T,) 1 at ticks with a row, 0 at others, whose mode is that of the largest
+    probability still.
+    """
+    modes = np.zeros(len(probabilities), int)
+    before = np.zeros(probabilities.shape, np.int32)
+    run_compiled(_choose, probabilities, np.maximum(weights, 1e-6), cost, before, modes)
+    return modes
+
+
+def _moments(begins: FloatArray, pieces: IntArray) -> IntArray:
+    """Return the intervals of the begins of pieces, (K, 2).
+
+    Args:
+        begins: (T, M) probability that a segment of a mode begins at a tick. Of a piece those count
+            that are between the middle of the piece before and its own.
+        pieces: (K, 3) as of `SmoothedModes`.
+    """
+    middles = (pieces[:, 0] + pieces[:, 1]) // 2
+    moments = pieces[:, [0, 0]].copy()
+    for k in range(1, len(pieces)):
+        first, mode = pieces[k, [0, 2]]
+        low = middles[k - 1] + 1
+        mass = np.cumsum(begins[low : middles[k] + 1, mode])
+        if mass.size and mass[-1] > 0.0:
+            inside = low + np.searchsorted(mass, mass[-1] * np.array([OUTSIDE, 1.0 - OUTSIDE]))
+            moments[k] = min(inside[0], first), max(inside[1], first)
+    return moments

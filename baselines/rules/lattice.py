@@ -1,0 +1,200 @@
+"""The lattice of the beam: who began when, from whom; compiled code.
+
+A node is a segment that may be: a mode, and the tick at which it begins. The beam of `beam_filters`
+walks over the nodes that are probable, and what is kept of each tick are their weights. A node
+begins from the mixture of its parents, the nodes that may have ended before it, and the share of a
+parent in this mixture is its probability given that the node began: later measurements say nothing
+more about it, because the filter of the node begins at the mixture. With the weight w of parent j
+at tick k - 1, the probability h that its segment ends then, and the probability q that the mode of
+node i follows its mode, the share is
+
+    s_ij = w_j h_j q_ij / sum over all parents l of i of w_l h_l q_il
+
+Backwards, from the weights at
+the last tick, every node hands its probability to its parents at the tick of its begin. That is the
+smoother of a hidden semi-Markov model, Yu 2010, "Hidden semi-Markov models", on nodes that merge as
+in the interacting multiple model smoother, Helmick, Blair & Hoffman 1995.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from baselines.rules.beam_filters import (
+    FIRST,
+    LATER,
+    BeamModel,
+    Branches,
+    Walk,
+    begin_branch,
+    branch_arrays,
+    hazard_at,
+    walk_branches,
+)
+from baselines.rules.measurements import estimate_in, run_compiled
+from hybrid_env.checks import AnyArray, Float32Array, FloatArray, IntArray
+from hybrid_env.compiled import INNOVATION, MEASURED, aligned_zeros, compiled
+
+# Weight of a node at a tick below which it is not kept.
+SMALLEST = 1e-9
+# Ticks that are walked at a time.
+BLOCK = 4096
+
+
+class Lattice(NamedTuple):
+    """The nodes that are probable at T ticks, from the measurements up to each.
+
+    A node is the tick of its begin times M, plus its mode. Those of tick k are at `offsets[k]` up
+    to `offsets[k + 1]`.
+    """
+
+    # (T + 1,)
+    offsets: IntArray
+    # (n,)
+    nodes: AnyArray
+    # (n,) probabilities.
+    weights: Float32Array
+    # (T,) probability that a segment ends before a tick, or `BY_LAW`.
+    ends: FloatArray
+    # Log-likelihood of the measurements.
+    evidence: float
+
+
+@compiled
+def _begin(branches: Branches, starts: FloatArray, model: BeamModel) -> None:
+    """Begin a branch of every mode at every start, (k, 14), one tick before the first measurement:
+    an estimate, and the upper triangle of its covariance.
+    """
+    modes = model.motions.size
+    weight = -np.log(modes * len(starts))
+    b = 0
+    for k in range(len(starts)):
+        anchor, covariance = estimate_in(starts[k])
+        for mode in range(modes):
+            begin_branch(branches, 0, b, mode, FIRST, 0, anchor, covariance, weight, model)
+            branches.histories[0, b].age = 0
+            b += 1
+    branches.counts[0] = b
+    branches.evidence[0] = 0.0
+
+
+def walk_lattice(
+    measurements: FloatArray,
+    starts: FloatArray,
+    ends: FloatArray,
+    branches: int,
+    model: BeamModel,
+) -> Lattice:
+    """Walk over T measurements, (T, 2) or (T, 9), see `sensing.write_measured`.
+
+    Args:
+        measurements: NaN where there is none.
+        starts: (k, 14) see `_begin`, all equally probable.
+        ends: (T,) as of `Lattice`; that of the first tick is 0.
+        branches: largest number of nodes at a tick.
+        model: without a prior of laws.
+    """
+    modes = model.motions.size
+    walked = branch_arrays(1, max(branches, modes * len(starts)))
+    capacity = walked.histories.shape[1]
+    children = branch_arrays(1, modes + capacity)
+    memory = aligned_zeros((1,), INNOVATION), aligned_zeros((1,), MEASURED)
+    log_probability = np.zeros((1, modes))
+    run_compiled(_begin, walked, starts, model)
+    counts, kept_nodes, kept_weights = [np.zeros(1, int)], [], []
+    for first in range(0, len(measurements), BLOCK):
+        part = measurements[first : first + BLOCK]
+        shape = len(part), 1, capacity
+        nodes, weights = np.zeros(shape, np.int32), np.zeros(shape, np.float32)
+        walk = Walk(part[:, None], ends[first : first + BLOCK], first, nodes, weights)
+        run_compiled(walk_branches, walked, children, *memory, walk, log_probability, model)
+        kept = weights > SMALLEST
+        counts.append(kept.sum((1, 2)))
+        kept_nodes.append(nodes[kept])
+        kept_weights.append(weights[kept])
+    return Lattice(
+        np.cumsum(np.concatenate(counts)),
+        np.concatenate(kept_nodes),
+        np.concatenate(kept_weights),
+        ends,
+        float(walked.evidence[0]),
+    )
+
+
+@compiled
+def _smooth(
+    offsets: IntArray,
+    nodes: AnyArray,
+    weights: Float32Array,
+    ends: FloatArray,
+    first: int,
+    probabilities: FloatArray,
+    begins: FloatArray,
+    model: BeamModel,
+) -> None:
+    """Bring the weights of the last tick back to the first one.
+
+    Args:
+        offsets: as `nodes`, `weights` and `ends` those of a `Lattice`.
+        nodes: see above.
+        weights: see above.
+        ends: see above.
+        first: tick at which the way back ends.
+        probabilities: (T - first, M) of the modes given all measurements, written.
+        begins: (T - first, M) that a segment of a mode begins at a tick, likewise.
+        model: of the beam.
+    """
+    ticks = offsets.size - 1
+    modes = model.motions.size
+    # Of each node that is not older than the first tick; all older ones are as those.
+    alive = np.zeros(ticks * modes)
+    now = np.zeros(modes)
+    total = 0.0
+    for j in range(offsets[ticks - 1], offsets[ticks]):
+        total += weights[j]
+    for j in range(offsets[ticks - 1], offsets[ticks]):
+        alive[nodes[j]] += weights[j] / total
+        now[nodes[j] % modes] += weights[j] / total
+    for k in range(ticks - 1, first - 1, -1):
+        for mode in range(modes):
+            probabilities[k - first, mode] = now[mode]
+            begins[k - first, mode] = alive[k * modes + mode]
+        if k == 0:
+            break
+        shares = np.empty(offsets[k] - offsets[k - 1])
+        for mode in range(modes):
+            begun = alive[k * modes + mode]
+            if begun == 0.0:
+                continue
+            total = 0.0
+            for j in range(shares.size):
+                node = nodes[offsets[k - 1] + j]
+                parent = node % modes
+                begin = node // modes
+                row = FIRST if begin == 0 else LATER
+                hazard = hazard_at(row, parent, k - begin, ends[k], model)
+                shares[j] = weights[offsets[k - 1] + j] * hazard * model.order[parent, mode]
+                total += shares[j]
+            if total == 0.0:
+                continue
+            now[mode] -= begun
+            for j in range(shares.size):
+                node = nodes[offsets[k - 1] + j]
+                alive[node] += begun * shares[j] / total
+                now[node % modes] += begun * shares[j] / total
+
+
+def smooth_lattice(
+    lattice: Lattice,
+    model: BeamModel,
+    first: int = 0,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the probabilities of the modes at every tick from `first` on, and that a segment of
+    each mode begins there, (T - first, M), given all measurements.
+    """
+    shape = len(lattice.ends) - first, model.motions.size
+    probabilities, begins = np.zeros(shape), np.zeros(shape)
+    run_compiled(_smooth, *lattice[:4], first, probabilities, begins, model)
+    # Sums of shares have errors of rounding.
+    probabilities = probabilities.clip(0.0)
+    return probabilities / probabilities.sum(1, keepdims=True), begins

@@ -1,0 +1,91 @@
+"""Modes and moments of whole recordings."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from baselines import smooth_modes
+from baselines.rules.hindsight import choose_modes
+from hybrid_env import QuickestOptions, simulate
+from hybrid_env.checks import ArgumentError
+
+OPTIONS = QuickestOptions(measurement_variance=0.01, durations="geometric 60", start="random")
+
+
+def seen(scheme, seed, **changed):
+    """Measurements (T, 2)."""
+    return simulate(scheme, seed=seed, **{"measurement_variance": 0.01} | changed).measurements[0]
+
+
+@pytest.mark.parametrize("cost", [0.3, 1.5])
+def test_the_chosen_modes_have_the_largest_sum(cost):
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        probabilities = rng.dirichlet([0.4] * 3, 6)
+
+        def value(modes, of=probabilities):
+            return of[range(6), modes].sum() - cost * np.count_nonzero(np.diff(modes))
+
+        best = max(map(value, itertools.product(range(3), repeat=6)))
+        assert value(choose_modes(probabilities, np.ones(6), cost)) == pytest.approx(best, abs=1e-4)
+
+
+def test_pieces_begin_where_the_object_switches():
+    z = seen("S70 L60r5 R70r5", 4)
+    z[[20, 21, 75, 131]] = np.nan
+    result = smooth_modes(z, OPTIONS)
+
+    assert result.pieces[:, 2].tolist() == [0, 1, 2]
+    assert np.abs(result.pieces[:, 0] - [0, 70, 130]).max() <= 2
+    low, high = result.moments.T
+    assert (low <= result.pieces[:, 0]).all()
+    assert (result.pieces[:, 0] <= high).all()
+    assert (high - low)[1:].max() < 20
+    np.testing.assert_allclose(result.probabilities.sum(1), 1.0)
+    # The first rows, of which a live rule knows nothing yet.
+    assert result.probabilities[:30, 0].min() > 0.7
+
+
+def test_switches_that_are_known_are_the_only_ones():
+    z = seen("S30 L40r5 L30r5 R40r5", 5)
+    result = smooth_modes(z, OPTIONS, switches=(30, 70, 100))
+
+    assert result.pieces.tolist() == [[0, 30, 0], [30, 70, 1], [70, 100, 1], [100, 140, 2]]
+    assert (np.ptp(result.probabilities[30:70], axis=0) < 1e-12).all()
+    assert (result.moments == result.pieces[:, [0, 0]]).all()
+
+
+def test_nothing_depends_on_units():
+    z = seen("S70 L60r5 R70r5", 6)
+    length, second = 1e3, 60.0
+    options = QuickestOptions(
+        measurement_variance=0.01 * length**2,
+        process_variance=OPTIONS.process_variance * (length / second) ** 2,
+        radii=(5.0 * length,),
+        speed=2.0 * length / second,
+        tau=0.1 * second,
+        durations="geometric 60",
+        start="random",
+    )
+    mine, other = smooth_modes(z, OPTIONS), smooth_modes(length * z, options)
+    assert (mine.pieces == other.pieces).all()
+    units = length * np.array([1.0, 1.0 / second, 1.0, 1.0 / second])
+    np.testing.assert_allclose(other.estimates / units, mine.estimates, atol=1e-6)
+
+
+def test_an_outlier_is_no_switch_with_a_robust_likelihood():
+    clean = seen("S120", 7)
+    z = clean.copy()
+    z[50] += [0.0, 3.0]
+    robust = QuickestOptions(**vars(OPTIONS) | {"likelihood": "student_t 4"})
+    without, result = (smooth_modes(points, robust) for points in (clean, z))
+    assert len(result.pieces) == 1
+    assert np.abs(result.estimates - without.estimates).max() < 0.1
+    normal = smooth_modes(z, OPTIONS)
+    assert np.abs(normal.estimates - without.estimates).max() > 0.15
+
+
+def test_a_track_without_a_first_position_is_refused():
+    with pytest.raises(ArgumentError, match=r"measurements=.*first row"):
+        smooth_modes([[np.nan, np.nan], [1.0, 2.0]], OPTIONS)
