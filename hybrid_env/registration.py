@@ -36,7 +36,7 @@ ENVIRONMENTS: dict[str, dict[str, object]] = {
 REWARD_THRESHOLDS = {
     "HybridTrack-v0": 3.56,
     "HybridTrackRaw-v0": 3.56,
-    "HybridTrackBank-v0": 4.76,
+    "HybridTrackBank-v0": 4.85,
     "HybridTrackPublished-v0": 3.83,
     "HybridTrackPublishedBank-v0": 4.80,
     "HybridTrackQuickest-v0": 485.0,
