@@ -115,9 +115,10 @@ def _calibration_cell(row: Row) -> str:
 
 
 def _gain_cell(row: Row) -> str:
-    reward = f"{row['reward'].value:.3f}"
     gain = row["gain"]
-    return reward if gain is None else f"{reward} ({in_brackets(gain, 3, sign='+')})"
+    if gain is None:
+        return in_brackets(row["reward"], 3)
+    return f"{row['reward'].value:.3f} ({in_brackets(gain, 3, sign='+')})"
 
 
 def _times_cell(row: Row) -> str:
