@@ -21,7 +21,6 @@ from baselines.rules.change_detection import CusumDecider as CusumDecider
 from baselines.rules.change_detection import ShiryaevRobertsDecider as ShiryaevRobertsDecider
 from baselines.rules.decider import Decider as Decider
 from baselines.rules.fixed_time import FixedTimeDecider as FixedTimeDecider
-from baselines.rules.hindsight import SmoothedModes as SmoothedModes
 from baselines.rules.hindsight import smooth_modes as smooth_modes
 from baselines.rules.msprt import GapDecider as GapDecider
 from baselines.rules.msprt import MSPRTDecider as MSPRTDecider
@@ -34,7 +33,6 @@ from baselines.rules.sprt import sprt_thresholds as sprt_thresholds
 from baselines.rules.steady import SteadyDecider as SteadyDecider
 from baselines.rules.threshold import ThresholdDecider as ThresholdDecider
 from baselines.scoring.estimates import Estimate as Estimate
-from baselines.scoring.score import TimelineScores as TimelineScores
 from baselines.scoring.score import score as score
 from baselines.scoring.scores import Scores as Scores
 from baselines.scoring.scores import Statistic as Statistic

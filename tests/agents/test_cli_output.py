@@ -13,7 +13,7 @@ def test_a_reader_that_closes_the_output_ends_the_command_quietly():
             sys.executable,
             "-m",
             "agents.cli",
-            *["evaluate", "ate", "--episodes", "2", "--scheme", "S5"],
+            *["evaluate", "ate", "--episodes", "2", "--scheme", "S9"],
         ],
         stdout=closed,
         stderr=subprocess.PIPE,

@@ -25,12 +25,17 @@ NEXT, SAME = AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP
 MADE = [
     ("HybridTrackPublished-v0", NEXT, BRIEF | {"noise": "levy 1.5 1 44", "bank_info": True}),
     ("HybridTrackPublished-v0", SAME, BRIEF | {"sensors": SENSORS, "missed": 0.4}),
-    ("HybridTrackBank-v0", NEXT, BRIEF | {"missed": 0.3}),
+    ("HybridTrackBank-v0", NEXT, BRIEF | {"decide_every": 5, "missed": 0.3}),
     ("HybridTrackQuickest-v0", SAME, SHORT | {"sensors": SENSORS, "noise": "student_t 3"}),
     (
         "HybridTrack-v0",
         SAME,
-        BRIEF | {"sensors": ["radar 0.3 0.01 rate 0.1 at 9 0", "0.4"], "noise": Rounded(0.25)},
+        BRIEF
+        | {
+            "decide_every": 3,
+            "sensors": ["radar 0.3 0.01 rate 0.1 at 9 0", "0.4"],
+            "noise": Rounded(0.25),
+        },
     ),
     ("HybridTrackQuickest-v0", NEXT, SHORT | {"noise": Rounded(), "missed": 0.2}),
     (
@@ -38,7 +43,11 @@ MADE = [
         NEXT,
         {"ticks": 40, "durations": "drawn", "transitions": "drawn", "start": "random"},
     ),
-    ("HybridTrack-v0", NEXT, BRIEF | {"modes": every_mode(), "missed": 0.3, "bank_info": True}),
+    (
+        "HybridTrack-v0",
+        NEXT,
+        BRIEF | {"decide_every": 1, "modes": every_mode(), "missed": 0.3, "bank_info": True},
+    ),
     ("HybridTrackQuickest-v0", SAME, SHORT | {"modes": every_mode(), "sensors": SENSORS}),
 ]
 VIEWS = {
