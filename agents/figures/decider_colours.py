@@ -45,8 +45,3 @@ def decider_styles(names: Iterable[str]) -> dict[str, DeciderStyle]:
             key=lambda style: (colours.count(style.colour), style in styles.values()),
         )
     return styles
-
-
-def decider_style(name: str) -> DeciderStyle:
-    """Style of one decider by its name in tables."""
-    return decider_styles([name])[name]

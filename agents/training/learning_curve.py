@@ -12,7 +12,7 @@ from agents.evaluation.bound import bound_scores
 from agents.evaluation.registry import find_decider
 from agents.evaluation.task import sweep, task_of
 from agents.figures.curves import Axis, Curve, Panel, curve_figure
-from agents.figures.decider_colours import decider_style
+from agents.figures.decider_colours import decider_styles
 from agents.interface.output_files import save_figure
 from agents.training.run_folder import read_metrics
 from baselines.rules import seeds
@@ -122,6 +122,7 @@ def draw_learning_curve(folder: Path, path: Path, curve: LearningCurve) -> None:
         "environment steps, millions": [row["step"] / 1e6 for row in points],
     }
     panels = []
+    styles = decider_styles([folder.name, *curve.references])
     for label, values in columns.items():
         end = 1.05 * max(values, default=1.0)
         curves = (
@@ -130,7 +131,7 @@ def draw_learning_curve(folder: Path, path: Path, curve: LearningCurve) -> None:
             else [
                 Curve(
                     folder.name,
-                    decider_style(folder.name),
+                    styles[folder.name],
                     values,
                     [row["evaluation/reward"] for row in points],
                     size=3.5,
@@ -138,7 +139,7 @@ def draw_learning_curve(folder: Path, path: Path, curve: LearningCurve) -> None:
                 *(
                     Curve(
                         name,
-                        decider_style(name),
+                        styles[name],
                         [1e-3 * end, 0.999 * end],
                         [value, value],
                         size=0.0,
