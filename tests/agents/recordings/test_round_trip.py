@@ -242,6 +242,7 @@ def test_arrays_have_no_columns_of_a_file(drive):
 
 
 def test_settings_are_what_was_found(drive):
+    given_model = "radii", "measurement_variance", "process_variance"
     tracked = track_recording(*drive, durations="geometric 50")
     settings = json.loads(json.dumps(tracked.settings(), allow_nan=False))
     again = track_recording(
@@ -255,6 +256,14 @@ def test_settings_are_what_was_found(drive):
     # The usual speed, from which the start follows, depends a little on the noise that is given.
     np.testing.assert_allclose(again.probabilities, tracked.probabilities, atol=1e-3)
     np.testing.assert_array_equal(again.modes, tracked.modes)
+    live, again = (
+        track_recording(*drive, live=True, **given)
+        for given in (
+            {"durations": "geometric 50"},
+            {name: settings[name] for name in ("decider", "durations", *given_model)},
+        )
+    )
+    np.testing.assert_array_equal(again.probabilities, live.probabilities)
     assert re.fullmatch(r"\w+:[\d.]+", settings["decider"])
     assert settings["gap"] == pytest.approx(20.0)
     assert not settings["known_switches"]

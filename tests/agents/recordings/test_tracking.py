@@ -243,17 +243,21 @@ def test_the_example_of_the_readme_is_right():
     assert names == ["L 3", "R 5", "S", "L 10"]
 
 
+# With hindsight a node that is barely kept in one unit may be left out in the other.
+@pytest.mark.parametrize(("live", "tolerance"), [(True, 1e-6), (False, 1e-4)])
 @pytest.mark.parametrize("options", [{}, {"lengths": PIECES}])
-def test_units_change_no_decision(options, drive):
+def test_units_change_no_decision(options, live, tolerance, drive):
     length, time = 1000.0, 60.0
     plain = track_recording(
         TIMES,
         drive,
+        live=live,
         **options,
     )
     other = track_recording(
         time * TIMES,
         length * drive,
+        live=live,
         **options,
     )
 
@@ -261,8 +265,7 @@ def test_units_change_no_decision(options, drive):
     np.testing.assert_allclose(
         other.probabilities,
         plain.probabilities,
-        # A node that is barely kept in one unit may be left out in the other.
-        atol=1e-4,
+        atol=tolerance,
     )
     positions = plain.estimates[:, ::2]
     np.testing.assert_allclose(
