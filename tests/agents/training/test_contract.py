@@ -28,7 +28,7 @@ from hybrid_env import QuickestOptions, WorldOptions
 from hybrid_env.checks import ArgumentError
 
 ENV = "hybrid_env:HybridTrackPublished-v0"
-KILLS = 20
+KILLS = 6
 
 
 @pytest.fixture(autouse=True)
