@@ -17,7 +17,7 @@ from baselines.recordings.reading.files import Limits
 from baselines.recordings.reading.read import read_recordings
 from hybrid_env.checks import ArgumentError
 
-STUDY = pytest.param(10_000, marks=pytest.mark.study)
+STUDY = pytest.param(3_000, marks=pytest.mark.study)
 ROWS = "".join(f"{k / 10},{k * 0.2:.3f},{(k % 7) * 0.1:.3f}\n" for k in range(30))
 FRAME = pd.DataFrame(
     {
