@@ -90,12 +90,7 @@ def predict_turn(kalman: Any, lane: int, model: Any) -> tuple[Vector, Vector]:
     from_x = x - centre_x
     from_y = y - centre_y
     by_rate = dC * from_x + dS * u, dC * u - dW * from_x, dC * from_y + dS * v, dC * v - dW * from_y
-    predicted = ekf.predict_covariance(
-        covariance7(kalman, lane),
-        turn,
-        by_rate,
-        model.process_variance,
-    )
+    predicted = ekf.predict_covariance(covariance7(kalman, lane), turn, by_rate, model)
     state = (
         centre_x + C * from_x + S * u,
         C * u - W * from_x,
