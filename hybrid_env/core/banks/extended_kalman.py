@@ -9,7 +9,7 @@ from typing import Any
 from hybrid_env.core.compilation import inlined
 from hybrid_env.core.elementary import sine_cosine
 from hybrid_env.core.memory import Triangle4
-from hybrid_env.core.vectors import Vector, combination, rows_of, transposed
+from hybrid_env.core.vectors import Vector, combination, rows_of, transposed, widened
 
 
 @inlined
@@ -87,6 +87,7 @@ def predict_covariance(
     """
     C, S, W, D, _, _, _ = turn
     g_x, h_x, g_y, h_y = by_rate
+    p = widened(p)
     p_x, p_u, p_y, p_v, p_cx, p_cy, p_r = rows_of(p)
     # Rows of F P, and its columns.
     x = combination((C, S, D, g_x), (p_x, p_u, p_cx, p_r))

@@ -44,7 +44,7 @@ from hybrid_env.core.memory import (
     write_lane,
 )
 from hybrid_env.core.motion import LARGEST_ANGLE
-from hybrid_env.core.vectors import choose, combination, minus_square
+from hybrid_env.core.vectors import choose, combination, minus_square, widened
 
 
 @inlined
@@ -180,10 +180,10 @@ def predict(mean: State, mixed: Triangle4, curvature: float, model: Any) -> tupl
     angle = curvature * math.sqrt(u * u + v * v) * model.tau
     turn = turn_coefficients(max(min(angle, LARGEST_ANGLE), -LARGEST_ANGLE), model.tau)
     C, S, along, across = turn
-    predicted = predict_covariance(mixed, turn, model)
+    predicted = predict_covariance(widened(mixed), turn, model)
     new_x = x + along * u - across * v
     new_y = y + across * u + along * v
-    return (new_x, C * u - S * v, new_y, S * u + C * v), predicted
+    return (new_x, C * u - S * v, new_y, S * u + C * v), widened(predicted)
 
 
 @internal
