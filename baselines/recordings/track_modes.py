@@ -13,7 +13,7 @@ def in_units(mode: Mode, length: float, velocity: float, tau: float, speed: floa
 
     A stop forgets the velocity, which that of an environment keeps: an object of a recording may
     leave in any direction, which a filter with the velocity of before follows late. The deviation
-    of each velocity is the usual speed. While the object stands, its position may move by 6 % of a
+    of each velocity is the usual speed. While the object stands, its position may drift by 3 % of a
     usual step in a tick.
     """
     rate = velocity / length
@@ -26,7 +26,7 @@ def in_units(mode: Mode, length: float, velocity: float, tau: float, speed: floa
     F, B, Q = mode.matrices(tau)
     if isinstance(mode, Stop):
         F = np.diag([1.0, 0.0] * 2)
-        Q = np.diag([0.06 * tau * speed, speed] * 2) ** 2
+        Q = np.diag([0.03 * tau * speed, speed] * 2) ** 2
     units = np.tile([length, velocity, velocity * rate][: len(F) // 2], 2)
     noise = None if Q is None else Q * np.outer(units, units)
     return LinearMode(F * np.divide.outer(units, units), B * units, noise, mode.name)
