@@ -57,6 +57,8 @@ class ModelOptions(Checked):
         tau: length of a tick [s].
         process_variance: Q, variance of the noise added to each velocity at every tick [m^2/s^2].
         object_variance: the same of the object, of which the filters are not told; None is Q.
+        drift_variance: of the drift of each measured coordinate in a tick [m^2], as of a GPS, that
+            the filters assume, but for those of the published bank; the object has none.
         measurement_variance: R, variance of each measured coordinate [m^2], one number or (x, y).
         noise: law of the errors of measurements in units of sqrt(R), see `hybrid_env.noises`:
             "gaussian", "outliers 0.02", "levy 1.5 1 44", "student_t 3", or a law object. The bank
@@ -92,6 +94,7 @@ class ModelOptions(Checked):
     tau: Annotated[Quantity, Unit("s")] = 0.1
     process_variance: Annotated[QuantityOrZero, Unit("m^2/s^2")] = 0.001
     object_variance: Annotated[QuantityOrZero, Unit("m^2/s^2")] | None = None
+    drift_variance: Annotated[QuantityOrZero, Unit("m^2")] = 0.0
     measurement_variance: Annotated[float | tuple[float, float], check_variances] = 0.1
     noise: Annotated[str | Noise, parse_noise] = "gaussian"
     missed: Share = 0.0
@@ -142,6 +145,7 @@ class ModelOptions(Checked):
             raise reject("radii", min(radii), f"at least {smallest:g}: {allowed}")
         fastest = max(self.process_variance, self.object_variance or 0.0, self.initial_error[1])
         motion = max(self.tau * max(self.speed, math.sqrt(fastest)), pushed)
+        motion = max(motion, math.sqrt(self.drift_variance))
         # Standard deviations of a measurement in a tick and in a radius; a float64 has 16 digits.
         least = max(motion / 1e9, max(radii, default=0.0) / 1e12) ** 2
         variance = float(self.variances.min())
@@ -191,7 +195,7 @@ class ModelOptions(Checked):
     @property
     def motions(self) -> AnyArray:
         """The modes as the kernel reads them, (M,) records `core.memory.MOTION`."""
-        return motion_table(self.all_modes, self.tau, self.process_variance)
+        return motion_table(self.all_modes, self.tau, self.process_variance, self.drift_variance)
 
     @property
     def variances(self) -> FloatArray:

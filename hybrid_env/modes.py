@@ -341,9 +341,15 @@ def mode_of_text(text: Any) -> Mode | None:
         return None
 
 
-def motion_table(modes: Sequence[Mode], tau: float, process_variance: float) -> AnyArray:
-    """Return the modes as records `core.memory.MOTION`, (M,), for ticks of length tau [s] and the
-    variance of the process noise on each velocity [m^2/s^2].
+def motion_table(
+    modes: Sequence[Mode],
+    tau: float,
+    process_variance: float,
+    drift_variance: float = 0.0,
+) -> AnyArray:
+    """Return the modes as records `core.memory.MOTION`, (M,), for ticks of length tau [s], the
+    variance of the process noise on each velocity [m^2/s^2], and that of the drift of the measured
+    positions [m^2], of which the object has none.
     """
     table = np.zeros(len(modes), MOTION)
     for motion, mode in zip(table, modes, strict=True):
@@ -367,4 +373,5 @@ def motion_table(modes: Sequence[Mode], tau: float, process_variance: float) -> 
             values, vectors = np.linalg.eigh(motion["Q"])
             motion["own_noise"] = True
             motion["noise"] = vectors * np.sqrt(values.clip(0.0))
+        motion["Q"][[0, 2], [0, 2]] += drift_variance
     return table

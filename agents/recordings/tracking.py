@@ -201,6 +201,7 @@ class TrackedRecording:
             "gap": float(recording.gap),
             "measurement_variance": float(model.measurement_variance),
             "process_variance": float(model.process_variance),
+            "drift_variance": float(model.drift_variance),
             "radii": [float(radius) for radius in model.radii],
             "modes": [mode.as_json() for mode in model.modes],
             "duration": float(model.duration),

@@ -262,6 +262,7 @@ def smooth_pieces(
     motions: AnyArray,
     tau: float,
     process_variance: float,
+    drift_variance: float = 0.0,
     speed: float = 0.0,
     freedom: float = 0.0,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -276,6 +277,7 @@ def smooth_pieces(
         motions: (M,) records `MOTION`.
         tau: length of a tick [s].
         process_variance: Q [m^2/s^2], of straight motion and turns.
+        drift_variance: of the drift of the measured positions [m^2], likewise.
         speed: of the object [m/s] if the start does not tell it, else 0.
         freedom: of Student's t errors; 0 is normal ones.
     """
@@ -290,6 +292,7 @@ def smooth_pieces(
     begins[pieces[:, 0]] = True
     own = np.ix_(LINEAR, LINEAR)
     Q = np.zeros((len(pieces), 6, 6))
+    Q[:, [0, 1], [0, 1]] = drift_variance
     Q[:, [2, 3], [2, 3]] = process_variance
     Q[linear] = of_pieces["Q"][linear][:, own[0], own[1]]
     B = np.where(linear[:, None], of_pieces["B"][:, LINEAR], 0.0)

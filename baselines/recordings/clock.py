@@ -59,13 +59,13 @@ class TickClock:
         if late < -tau:
             self._mean = max(passed, -0.5 * tau)
             return 0, passed
+        self._mean += self.gain * (late - self._mean)
+        # The ticks follow from .6 of a tick on.
+        shift = round(self._mean / (1.2 * tau))
+        ticks += shift
+        late -= shift * tau
+        self._mean -= shift * tau
         self.time += ticks * tau
-        self._mean = max(self._mean + self.gain * (late - self._mean), -0.5 * tau)
-        if self._mean > 0.6 * tau:
-            ticks += 1
-            late -= tau
-            self._mean -= tau
-            self.time += tau
         # Errors of rounding are no distance.
         return ticks, late if abs(late) > 1e-6 * tau else 0.0
 

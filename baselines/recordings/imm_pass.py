@@ -169,7 +169,9 @@ def run_pass(chunks: Chunks, track: "TrackModel") -> Pass:
     model = track.of_bank
     bank = bank_arrays(DenseImmBank if track.modes else ImmBank, len(radii), modes=modes)
     if track.modes:
-        bank.motions[:] = motion_table(track.modes, 1.0, model.process_variance)
+        bank.motions[:] = motion_table(
+            track.modes, 1.0, model.process_variance, model.drift_variance
+        )
         stays = (model.stay_probability - model.switch_probability) * np.eye(modes)
         bank.transitions[:] = model.switch_probability + stays
     arguments = chunks, bank, radii, model, output
@@ -270,6 +272,8 @@ class TrackModel:
     better_radii: tuple[float, ...] = ()
     # Without one, straight motion and the turns of the radii.
     modes: tuple[Mode, ...] = ()
+    # Of the drift of each measured coordinate in a tick, as of a GPS.
+    drift_variance: float = 0.0
 
     @property
     def hypotheses(self) -> int:
@@ -300,6 +304,7 @@ class TrackModel:
             self.measurement_variance,
             1.0 - hazard,
             hazard / max(modes - 1, 1),
+            drift_variance=self.drift_variance,
         )
 
     def run(
@@ -308,8 +313,8 @@ class TrackModel:
         lengths: Sequence[int],
         longest: int,
     ) -> tuple[Pass, list[tuple[int, int, int]]]:
-        """Run the bank over a recording, see `grid_chunks`; lengths are in standard deviations of
-        the measurement and times in ticks.
+        """Run the bank over a recording, see `grid_chunks`; innovations are in standard deviations,
+        and the likelihood is in units of the recording.
         """
         deviation = math.sqrt(self.measurement_variance)
         chunks, places = grid_chunks(grid, deviation, lengths, longest)
@@ -319,9 +324,13 @@ class TrackModel:
             modes=self.modes_in(1.0 / deviation, self.tau / deviation),
             measurement_variance=1.0,
             process_variance=self.process_variance * self.tau**2 / self.measurement_variance,
+            drift_variance=self.drift_variance / self.measurement_variance,
             duration=math.inf if lengths else self.duration,
         )
-        return run_pass(chunks, model), places
+        result = run_pass(chunks, model)
+        measured = np.count_nonzero(~np.isnan(chunks.measurements[:, :, 0]))
+        units = measured * math.log(self.measurement_variance)
+        return result._replace(log_likelihood=result.log_likelihood - units), places
 
     @property
     def scales(self) -> FloatArray:
@@ -358,6 +367,7 @@ class TrackModel:
             "speed": self.speed * velocity,
             "tau": 0.1,
             "process_variance": self.process_variance * velocity**2,
+            "drift_variance": self.drift_variance * length**2,
             "measurement_variance": 0.1,
         }
 

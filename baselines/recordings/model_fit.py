@@ -94,13 +94,18 @@ def fit_model(
     proposed = _proposed(likelihood, given, processes) if not modes else given
     margin = 0.0
     better: tuple[float, ...] = ()
-    if radii is None:
-        best = _more_radii(likelihood, _refine(likelihood, proposed, free), free, penalty)
-        margin = 0.5 * penalty * len(best.radii)
-    else:
+    if radii is not None:
         given_radii = [replace(given, process_variance=q) for q in processes]
-        best = _refine(likelihood, max(given_radii, key=likelihood), free)
-        if not modes and likelihood(proposed) > likelihood(best) + CLEARLY:
+        given = max(given_radii, key=likelihood)
+    best = _refine(likelihood, proposed if radii is None else given, free)
+    if grid.radar is None:
+        best = _with_drift(likelihood, best, free, penalty)
+    if radii is None:
+        best = _more_radii(likelihood, best, free, penalty)
+        margin = 0.5 * penalty * len(best.radii)
+    elif not modes:
+        proposed = replace(proposed, drift_variance=best.drift_variance)
+        if likelihood(proposed) > likelihood(best) + CLEARLY:
             better = _refine(likelihood, proposed, ["radii"]).radii
     limit = likelihood(best) - margin
     turns = bool(modes) or limit > _straight(likelihood, best, free, limit)
@@ -120,6 +125,7 @@ def fit_model(
         turns,
         tuple(sorted(radius * scale for radius in better)),
         modes,
+        best.drift_variance * rough,
     )
 
 
@@ -164,6 +170,39 @@ def _proposed(likelihood: Likelihood, given: TrackModel, processes: Sequence[flo
     best = max(points, key=likelihood)
     near = [replace(best, radii=(best.radii[0] * factor,)) for factor in (0.7, 1.0, 1.4)]
     return max(near, key=likelihood)
+
+
+def _with_drift(
+    likelihood: Likelihood,
+    steady: TrackModel,
+    free: list[str],
+    penalty: float,
+) -> TrackModel:
+    """Return a model with a drift of the measured positions, and add it to the names of what is
+    free, if the criterion allows it; otherwise the one that was given. penalty: as of
+    `_more_radii`.
+    """
+    # Over R; a smaller drift is not told from errors of the filters where the mode switches.
+    least = 0.5
+    value = likelihood(steady)
+    points = [
+        replace(
+            steady,
+            drift_variance=drift * steady.measurement_variance,
+            process_variance=steady.process_variance * (q if "process_variance" in free else 1.0),
+        )
+        for drift in (1.0, 10.0)
+        for q in (0.01, 0.1, 1.0)
+    ]
+    start = max(points, key=likelihood)
+    if likelihood(start) < value:
+        return steady
+    drifting = _refine(likelihood, start, [*free, "drift_variance"])
+    clearly = likelihood(drifting) > value + 0.5 * penalty + CLEARLY
+    if not clearly or drifting.drift_variance < least * drifting.measurement_variance:
+        return steady
+    free.append("drift_variance")
+    return _refine(likelihood, drifting, free)
 
 
 def _more_radii(
@@ -235,7 +274,7 @@ def _refine(likelihood: Likelihood, start: TrackModel, free: list[str]) -> Track
             changes["radii"] = tuple(values[len(names) :])
         return replace(start, **changes)
 
-    widths = {"measurement_variance": 0.3, "process_variance": 1.0}
+    widths = {"measurement_variance": 0.3, "process_variance": 1.0, "drift_variance": 1.0}
     steps = [*(widths[name] for name in names), *[0.2] * len(radii)]
     cost = minimize(
         lambda vector: -likelihood(parameters(vector)),

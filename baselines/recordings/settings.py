@@ -45,6 +45,7 @@ class TrackerSettings(Checked):
     gap: Positive
     measurement_variance: Found
     process_variance: FoundOrZero
+    drift_variance: FoundOrZero
     radii: tuple[Found, ...]
     # [ticks]
     duration: PositiveOrZero
@@ -76,6 +77,7 @@ class TrackerSettings(Checked):
             self.speed,
             self.tick,
             modes=self.modes,
+            drift_variance=self.drift_variance,
         )
 
     @property

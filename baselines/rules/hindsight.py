@@ -137,6 +137,7 @@ def smooth_modes(
         options.motions,
         options.tau,
         options.process_variance,
+        options.drift_variance,
         speed,
         freedom,
     )

@@ -43,6 +43,7 @@ def filter_model(options: ModelOptions) -> FilterModel:
         options.process_variance,
         float(variances[0]),
         float(variances[-1]),
+        drift_variance=options.drift_variance,
     )
 
 

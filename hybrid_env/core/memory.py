@@ -570,8 +570,9 @@ PARAMETERS = np.dtype(
                 "tau",
                 "speed",
                 "heading",
-                # Q [m^2/s^2], and R of each axis [m^2].
+                # Q [m^2/s^2], of the drift, and R of each axis [m^2].
                 "process_variance",
+                "drift_variance",
                 "variance_x",
                 "variance_y",
                 # sqrt(Q) of the object [m/s], and sqrt(R) of each axis [m].

@@ -14,6 +14,9 @@ from hybrid_env.core.compilation import intrinsic
 
 Vector = tuple[float, ...]
 
+# Bound of the rounding errors of a prediction or correction, relative to the variances before it.
+ROUNDING = 1e-14
+
 
 def _code(result: Any, arguments: Sequence[Any], compute: Callable[..., Any]) -> Any:
     """Return the signature and the code of an intrinsic. compute: builds the instructions from the
@@ -94,6 +97,22 @@ def rows_of(_typing: Any, triangle: Any) -> Any:
     row = types.UniTuple(types.float64, n)
     matrix = types.UniTuple(row, n)
     return _code(matrix, (triangle,), lambda _, entries: _symmetric(entries))
+
+
+@intrinsic
+def widened(_typing: Any, triangle: Any) -> Any:
+    """Return a covariance with variances that are larger by `ROUNDING`. What is calculated from it
+    is positive semidefinite in spite of rounding errors.
+    """
+
+    def compute(builder: Any, entries: Any) -> Any:
+        result = list(entries)
+        for k, row in enumerate(_symmetric(range(len(entries)))):
+            variance = entries[row[k]]
+            result[row[k]] = builder.fmul(variance, variance.type(1.0 + ROUNDING))
+        return result
+
+    return _code(triangle, (triangle,), compute)
 
 
 @intrinsic

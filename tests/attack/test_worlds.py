@@ -9,6 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from hostile_input import accepted, counts
+from own_modes import SCALES, every_mode
+from random_worlds import random_options
 
 from hybrid_env import (
     HybridTrackQuickestVectorEnv,
@@ -17,6 +19,7 @@ from hybrid_env import (
     parse_scheme,
     simulate,
 )
+from hybrid_env.checks import ArgumentError
 from hybrid_env.durations import parse_durations
 from hybrid_env.modes import LinearMode, parse_modes
 from hybrid_env.sensors import parse_sensors
@@ -58,6 +61,56 @@ def test_rows_of_modes_that_grow_are_inside_the_space(cases):
         kind(1, modes="straight, stop")
     for seed in range(cases):
         grow(seed)
+
+
+def scattered_mode(generator, tau):
+    """Draw a linear mode with entries of any size in units of a tick."""
+    units = tau ** np.array([0.0, 1.0, 0.0, 1.0])
+    size = 10.0 ** generator.uniform(-6.0, 3.0)
+    entries = generator.normal(size=(4, 4)) * (generator.random((4, 4)) < 0.3) * size
+    F = generator.choice([0.0, 1.0, -1.0]) * np.eye(4) + np.triu(entries, 1)
+    return LinearMode(F * units / units[:, None], name="scattered")
+
+
+def scattered_world(generator, own_modes):
+    """Return a world of random options; with modes of one's own None if it is refused."""
+    options = random_options(generator)
+    if own_modes:
+        scale = generator.choice(list(SCALES))
+        kept = {name: options[name] for name in ("noise", "missed", "follow", "initial_error")}
+        try:
+            mode = scattered_mode(generator, SCALES[scale]["tau"])
+            options = {"modes": (*every_mode(scale), mode)} | kept | SCALES[scale]
+            return HybridTrackVectorEnv(8, bank_info=True, **options)
+        except ArgumentError:
+            return None
+    return HybridTrackVectorEnv(8, bank_info=True, **options)
+
+
+def check_covariances(seed):
+    """Check the covariances of every filter of a random world in 40 ticks."""
+    generator = np.random.default_rng(seed)
+    env = scattered_world(generator, seed % 4 == 3)
+    if env is None:
+        return
+    env.reset(seed=seed)
+    for k in range(40):
+        waits = generator.random(8) < 0.9
+        actions = np.where(waits, 0, generator.integers(0, env.single_action_space.n, 8))
+        *_, info = env.step(actions)
+        P = info["covariances"]
+        np.testing.assert_array_equal(P, np.swapaxes(P, 2, 3))
+        variances = np.diagonal(P, 0, 2, 3)
+        assert (variances >= 0.0).all(), (seed, k)
+        units = np.sqrt(np.where(variances > 0.0, variances, 1.0))
+        correlations = P / units[..., None] / units[..., None, :]
+        assert np.linalg.eigvalsh(correlations).min() > -1e-9, (seed, k)
+
+
+@pytest.mark.parametrize("cases", counts(8, 10_000))
+def test_covariances_of_every_filter_are_positive_semidefinite(cases):
+    for seed in range(24, 24 + cases):
+        check_covariances(seed)
 
 
 @dataclass(frozen=True)

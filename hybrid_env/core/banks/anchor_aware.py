@@ -23,7 +23,7 @@ from hybrid_env.core.banks.bank import (
 )
 from hybrid_env.core.banks.kalman import weigh
 from hybrid_env.core.banks.linear import predict_linear
-from hybrid_env.core.banks.sensing import DIVERGED, LARGEST, ROUNDING, correct_by_sensors
+from hybrid_env.core.banks.sensing import DIVERGED, LARGEST, correct_by_sensors
 from hybrid_env.core.compilation import formula, internal
 from hybrid_env.core.elementary import log
 from hybrid_env.core.memory import (
@@ -34,7 +34,7 @@ from hybrid_env.core.memory import (
     Triangle4,
 )
 from hybrid_env.core.motion import bank_turn_rate, heading_vector, turn_centre
-from hybrid_env.core.vectors import Vector, choose, combination, minus_square, rows_of
+from hybrid_env.core.vectors import Vector, choose, combination, minus_square, rows_of, widened
 
 
 @internal
@@ -90,12 +90,7 @@ def predict_turn(kalman: Any, lane: int, model: Any) -> tuple[Vector, Vector]:
     from_x = x - centre_x
     from_y = y - centre_y
     by_rate = dC * from_x + dS * u, dC * u - dW * from_x, dC * from_y + dS * v, dC * v - dW * from_y
-    predicted = ekf.predict_covariance(
-        covariance7(kalman, lane),
-        turn,
-        by_rate,
-        model.process_variance,
-    )
+    predicted = ekf.predict_covariance(covariance7(kalman, lane), turn, by_rate, model)
     state = (
         centre_x + C * from_x + S * u,
         C * u - W * from_x,
@@ -120,7 +115,8 @@ def correct_hypothesis(
     """Correct a filter by a position, (2, LANES) [m], and update its log-likelihood. moved:
     predicted state and covariance.
     """
-    state, predicted = moved
+    state = moved[0]
+    predicted = widened(moved[1])
     variance_x, variance_y = model.variance_x, model.variance_y
     # Sequential corrections by x and y; the product of both densities is the joint density.
     by_x, by_u, _, by_v, _, _, _ = rows_of(predicted)
@@ -128,13 +124,17 @@ def correct_hypothesis(
     sigma_x = by_x[0] + variance_x
     inverse_x = 1.0 / sigma_x
     gain_x = innovation_x * inverse_x
-    after_x = minus_square(predicted, by_x, inverse_x)
+    # The row of the measured coordinate is K R, which avoids cancellation.
+    left_x = combination((variance_x * inverse_x,), (by_x,))
+    after_x = left_x + minus_square(predicted, by_x, inverse_x)[7:]
     _, _, by_y, _, _, _, _ = rows_of(after_x)
     innovation_y = measurement[1, lane] - (state[2] + by_x[2] * gain_x)
     sigma_y = by_y[2] + variance_y
     inverse_y = 1.0 / sigma_y
     gain_y = innovation_y * inverse_y
-    covariance = minus_square(after_x, by_y, inverse_y)
+    left_y = combination((variance_y * inverse_y,), (by_y,))
+    p = minus_square(after_x, by_y, inverse_y)
+    covariance = p[:2] + left_y[:1] + p[3:8] + left_y[1:2] + p[9:13] + left_y[2:] + p[18:]
     white_x = innovation_x * math.sqrt(inverse_x)
     white_y = innovation_y * math.sqrt(inverse_y)
     log_variance = 0.5 * (log(sigma_x) + log(sigma_y))
@@ -142,13 +142,9 @@ def correct_hypothesis(
     # These comparisons are False for NaN and for values that would lead to NaN.
     innovations = abs(innovation_x) + abs(innovation_y)
     valid = (
-        (sigma_x > 0.5 * variance_x)
-        & (sigma_y > 0.5 * variance_y)
-        & (sigma_x + sigma_y < LARGEST * LARGEST)
+        (sigma_x + sigma_y < LARGEST * LARGEST)
         & (by_u[1] + by_v[3] < LARGEST * LARGEST)
         & (innovations + abs(state[1]) + abs(state[3]) < LARGEST)
-        & (covariance[7] >= -ROUNDING * by_u[1])
-        & (covariance[18] >= -ROUNDING * by_v[3])
     )
     weight, likelihood = weigh(white_x, white_y, log_variance, model.freedom)
     corrected = combination((1.0, weight * gain_x, weight * gain_y), (state, by_x, by_y))
@@ -254,8 +250,8 @@ def sense_predicted(
     if valid & (abs(state[1]) + abs(state[3]) < LARGEST):
         set_state(kalman, lane, state)
         set_covariance(kalman, lane, predicted)
-    sigma_x = max(predicted[0] if valid else 0.0, 0.0) + model.variance_x
-    sigma_y = max(predicted[13] if valid else 0.0, 0.0) + model.variance_y
+    sigma_x = (predicted[0] if valid else 0.0) + model.variance_x
+    sigma_y = (predicted[13] if valid else 0.0) + model.variance_y
     innovation.white_x[lane] = innovation.white_y[lane] = 0.0
     innovation.log_variance[lane] = 0.5 * (log(sigma_x) + log(sigma_y))
     if math.isnan(block.measurement[0, lane]):

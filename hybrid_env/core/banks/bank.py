@@ -32,6 +32,7 @@ class FilterModel(NamedTuple):
     switch_probability: float = 0.0
     freedom: float | None = 0.0
     exact_anchor: float = 0.0
+    drift_variance: float = 0.0
 
 
 @formula
@@ -49,6 +50,7 @@ def filter_model(setting: Any, ratio: float, rare: bool | None) -> FilterModel:
         setting.switch_probability,
         freedom,
         setting.exact_anchor,
+        setting.drift_variance,
     )
 
 

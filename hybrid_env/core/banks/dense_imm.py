@@ -33,7 +33,7 @@ from hybrid_env.core.memory import (
     triangle_of,
 )
 from hybrid_env.core.motion import heading_vector
-from hybrid_env.core.vectors import Vector, combination, minus_square
+from hybrid_env.core.vectors import Vector, combination, minus_square, widened
 
 NO_STATE: Vector = (0.0,) * 7
 NO_COVARIANCE: Vector = (0.0,) * 28
@@ -107,7 +107,8 @@ def _mix(bank: DenseImmBank, h: int, first: int, last: int) -> None:
             set_covariance(mixed, lane, sums)
     for lane in range(first, last):
         difference = state7(mixed, lane)
-        set_covariance(mixed, lane, minus_square(covariance7(mixed, lane), difference, 1.0))
+        p = widened(covariance7(mixed, lane))
+        set_covariance(mixed, lane, minus_square(p, difference, 1.0))
         set_state(mixed, lane, combination((1.0, 1.0), (difference, state7(own, lane))))
 
 

@@ -4,10 +4,12 @@ below. The motion is that of Golubkov 2018, eq. (1). A covariance is its upper t
 28 numbers.
 """
 
+from typing import Any
+
 from hybrid_env.core.compilation import inlined
 from hybrid_env.core.elementary import sine_cosine
 from hybrid_env.core.memory import Triangle4
-from hybrid_env.core.vectors import Vector, combination, rows_of, transposed
+from hybrid_env.core.vectors import Vector, combination, rows_of, transposed, widened
 
 
 @inlined
@@ -77,13 +79,15 @@ def predict_covariance(
     p: Vector,
     turn: Vector,
     by_rate: tuple[float, float, float, float],
-    process_variance: float,
+    model: Any,
 ) -> Vector:
-    """Return the predicted covariance F P F' + G Q G', where F is the Jacobian of the motion. turn:
-    from `turn_coefficients`; by_rate: derivatives of x, vx, y and vy by the turn rate.
+    """Return the predicted covariance F P F' + Q of a `FilterModel`, where F is the Jacobian of the
+    motion. turn: from `turn_coefficients`; by_rate: derivatives of x, vx, y and vy by the turn
+    rate. A drift of the measured positions moves the object and its centre by the same way.
     """
     C, S, W, D, _, _, _ = turn
     g_x, h_x, g_y, h_y = by_rate
+    p = widened(p)
     p_x, p_u, p_y, p_v, p_cx, p_cy, p_r = rows_of(p)
     # Rows of F P, and its columns.
     x = combination((C, S, D, g_x), (p_x, p_u, p_cx, p_r))
@@ -96,6 +100,8 @@ def predict_covariance(
     xu, uu, _, _ = combination((C, -W, W, h_x), (by_u, by_x, by_cx, by_r))
     xy, uy, yy, _ = combination((C, S, D, g_y), (by_y, by_v, by_cy, by_r))
     xv, uv, yv, vv = combination((C, -W, W, h_y), (by_v, by_y, by_cy, by_r))
-    Q = process_variance
-    rows = (xx, xu, xy, xv, *x[4:], uu + Q, uy, uv, *u[4:], yy, yv, *y[4:])
-    return (*rows, vv + Q, *v[4:], *p[22:])
+    Q, drift = model.process_variance, model.drift_variance
+    rows_x = (xx + drift, xu, xy, xv, x[4] + drift, *x[5:])
+    rows_y = (yy + drift, yv, y[4], y[5] + drift, y[6])
+    centres = (p_cx[4] + drift, *p_cx[5:], p_cy[5] + drift, p_cy[6], p_r[6])
+    return (*rows_x, uu + Q, uy, uv, *u[4:], *rows_y, vv + Q, *v[4:], *centres)

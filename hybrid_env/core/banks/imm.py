@@ -44,7 +44,7 @@ from hybrid_env.core.memory import (
     write_lane,
 )
 from hybrid_env.core.motion import LARGEST_ANGLE
-from hybrid_env.core.vectors import choose, combination, minus_square
+from hybrid_env.core.vectors import choose, combination, minus_square, widened
 
 
 @inlined
@@ -67,12 +67,13 @@ def turn_coefficients(angle: float, tau: float) -> State:
 
 
 @inlined
-def predict_covariance(p: Triangle4, turn: State, process_variance: float) -> Triangle4:
-    """Return the predicted covariance F P F' + G Q G', F the transition matrix; turn: from
-    `turn_coefficients`.
+def predict_covariance(p: Triangle4, turn: State, model: Any) -> Triangle4:
+    """Return the predicted covariance F P F' + Q of a `FilterModel`, F the transition matrix; turn:
+    from `turn_coefficients`.
     """
     xx, xu, xy, xv, uu, uy, uv, yy, yv, vv = p
     C, S, along, across = turn
+    Q, drift = model.process_variance, model.drift_variance
     # Covariance of the new position with the old velocity.
     x_u = xu + along * uu - across * uv
     x_v = xv + along * uv - across * vv
@@ -84,16 +85,16 @@ def predict_covariance(p: Triangle4, turn: State, process_variance: float) -> Tr
     v_u = S * uu + C * uv
     v_v = S * uv + C * vv
     return (
-        xx + along * (x_u + xu) - across * (x_v + xv),
+        xx + along * (x_u + xu) - across * (x_v + xv) + drift,
         C * x_u - S * x_v,
         xy + across * x_u + along * x_v + along * uy - across * yv,
         S * x_u + C * x_v,
-        C * u_u - S * u_v + process_variance,
+        C * u_u - S * u_v + Q,
         C * y_u - S * y_v,
         S * u_u + C * u_v,
-        yy + across * (y_u + uy) + along * (y_v + yv),
+        yy + across * (y_u + uy) + along * (y_v + yv) + drift,
         S * y_u + C * y_v,
-        S * v_u + C * v_v + process_variance,
+        S * v_u + C * v_v + Q,
     )
 
 
@@ -179,10 +180,10 @@ def predict(mean: State, mixed: Triangle4, curvature: float, model: Any) -> tupl
     angle = curvature * math.sqrt(u * u + v * v) * model.tau
     turn = turn_coefficients(max(min(angle, LARGEST_ANGLE), -LARGEST_ANGLE), model.tau)
     C, S, along, across = turn
-    predicted = predict_covariance(mixed, turn, model.process_variance)
+    predicted = predict_covariance(widened(mixed), turn, model)
     new_x = x + along * u - across * v
     new_y = y + across * u + along * v
-    return (new_x, C * u - S * v, new_y, S * u + C * v), predicted
+    return (new_x, C * u - S * v, new_y, S * u + C * v), widened(predicted)
 
 
 @internal

@@ -8,7 +8,7 @@ from hybrid_env.core.banks.bank import covariance7, state_of
 from hybrid_env.core.compilation import formula
 from hybrid_env.core.memory import FloatArray, Triangle4
 from hybrid_env.core.motion import linear_motion, rows_of_matrix
-from hybrid_env.core.vectors import Vector, combination, rows_of, sandwich, transposed
+from hybrid_env.core.vectors import Vector, combination, rows_of, sandwich, transposed, widened
 
 # Upper triangle row by row.
 Triangle6 = Vector
@@ -24,7 +24,7 @@ def triangle6(matrix: FloatArray) -> Triangle6:
 @formula
 def predict_covariance(p: Triangle6, motion: Any) -> Triangle6:
     """Return F P F' + Q of a linear mode, a record `MOTION`."""
-    moved = sandwich(rows_of_matrix(motion.F), p)
+    moved = sandwich(rows_of_matrix(motion.F), widened(p))
     return combination((1.0, 1.0), (moved, triangle6(motion.Q)))
 
 

@@ -14,7 +14,7 @@ from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import log
 from hybrid_env.core.memory import MOST_RATES, FloatArray, Records, State
 from hybrid_env.core.polar import range_rate
-from hybrid_env.core.vectors import Vector, combination, minus_square, rows_of
+from hybrid_env.core.vectors import Vector, combination, minus_square, rows_of, widened
 
 # [m] or [m/s]; a filter with larger values has diverged.
 LARGEST = 1e12
@@ -67,11 +67,12 @@ def correct_scalar(
     whitened innovation, the logarithm of its variance, and False if the filter has diverged.
     """
     a, b, c, d = h
-    rows = rows_of(p)
+    wide = widened(p)
+    rows = rows_of(wide)
     k = combination(h, rows[:4])
     sigma = a * k[0] + b * k[1] + c * k[2] + d * k[3] + variance
     inverse = 1.0 / sigma
-    corrected = minus_square(p, k, inverse)
+    corrected = minus_square(wide, k, inverse)
     left = rows_of(corrected)
     # These comparisons are False for NaN and for values that would lead to NaN.
     valid = (

@@ -17,6 +17,7 @@ SETTINGS = {
     "gap": 10.0,
     "measurement_variance": 0.01,
     "process_variance": 3e-6,
+    "drift_variance": 0.0,
     "radii": [10.0],
     "modes": [],
     "duration": 56.5,

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from baselines.recordings.clock import TickClock
 from baselines.recordings.recording import make_recording
 from baselines.recordings.scatter import noise_estimate
 from baselines.recordings.ticks import tick_grid
@@ -34,6 +35,16 @@ def test_a_clock_that_jitters_keeps_a_tick_per_row_and_positions_are_moved_along
     # little.
     assert errors[3:-3].max() < 20.0**2 * 0.33**2 / (2.0 * 200.0) + 0.6
     assert errors.mean() < 0.1 * 20.0 * np.abs(piece.late).mean()
+
+
+@pytest.mark.parametrize("extra", [0.1, 0.3, 0.6, 0.9])
+def test_a_measurement_between_two_ticks_does_not_move_the_clock_for_ever(extra):
+    clock = TickClock(0.5)
+    times = 0.5 * np.array([0.0, 1.0, 2.0, 2.0 + extra, *range(3, 20)])
+    advanced = [clock.advance(time) for time in times]
+
+    assert all(late == 0.0 for _, late in advanced[-10:])
+    assert sum(ticks for ticks, _ in advanced) == 20
 
 
 def test_irregular_times_have_a_finer_tick_and_few_rows_share_one():

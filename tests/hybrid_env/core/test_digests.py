@@ -37,7 +37,7 @@ DIGESTS = [
     ),
     pytest.param(
         {"bank": "anchor_aware"},
-        "5f1fe59bd1f53a364aa0d1ec711cbd1a2d0aa6708070bbbfa2cf075b124a8069",
+        "753dbab1cb74451e10c1201c0b9a7280eea8032dee3ceb309c472d4c53feae79",
         id="anchor-aware",
     ),
     pytest.param(
@@ -47,7 +47,7 @@ DIGESTS = [
             "correctness": "type",
             "measurement_variance": 1.0,
         },
-        "7b049730561776e50cdb6c3689cbc0ca8b13400355de84373ed7ec4c16e49676",
+        "f842073c9338cbb8b7e9ca7165bb69fc174bd454627b04427bb9208eeda6cb30",
         id="anchor-aware, 21 hypotheses",
     ),
     pytest.param(
@@ -79,12 +79,12 @@ DIGESTS = [
     ),
     pytest.param(
         {"bank": "anchor_aware", "evidence": 0.95},
-        "3add87395cad8516a2965c3523e064e12a0a5885be637895bffdd54bb6eb94a7",
+        "c8ff35647e0aa481f837c7479f26a4de29bc9acda891608a077772f2adbd5d4f",
         id="evidence",
     ),
     pytest.param(
         ENVIRONMENTS["HybridTrackBank-v0"] | {"decide_every": 1, "evidence": 0.95},
-        "3e351fdde7cadc76e5e1762d0342e288738d08fb1960becc5c8eab6ba1b101ea",
+        "a6515ee6cd971d011f2d8f861a939f6bc77f2d45741a88b7250f3c866fc85270",
         id="types that follow the bank",
     ),
 ]
@@ -128,7 +128,7 @@ QUICKEST_DIGESTS = [
             "noise": "outliers 0.1",
             "hazard": 0.05,
         },
-        "68ce5019fab7e00dd9203052ee5c2036c6301b17582e3fd9b5b640876cd2cfb1",
+        "f7275a209a78dddaa1251e0a3fed7ecf77ee0f48bebb8beb09c331ae7349ad9a",
         id="other options",
     ),
 ]
