@@ -83,7 +83,7 @@ def follow(seed):
         assert error < 5.0, (seed, error)
 
 
-@pytest.mark.parametrize("cases", counts(8, 10_000))
+@pytest.mark.parametrize("cases", counts(8, 1_000))
 def test_a_live_track_is_found_again(cases):
     for seed in range(cases):
         follow(seed)
@@ -133,7 +133,7 @@ def disturb(seed):
             assert (estimate.covariance.diagonal() >= 0.0).all(), (seed, k)
 
 
-@pytest.mark.parametrize("cases", counts(30, 10_000))
+@pytest.mark.parametrize("cases", counts(30, 1_000))
 def test_a_live_track_takes_or_refuses_whatever_is_sent(cases):
     for sensors in range(3):
         # Its code is compiled.

@@ -134,7 +134,7 @@ KINDS = {
 }
 
 
-@pytest.mark.parametrize("examples", counts(20, 20_000))
+@pytest.mark.parametrize("examples", counts(20, 4_000))
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_random_policy_is_refused_in_one_line_or_decides(kind, examples, tmp_path):
     if kind.endswith("onnx"):

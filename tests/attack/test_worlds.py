@@ -54,7 +54,7 @@ def grow(seed):
         rows, *_ = env.step(generator.integers(0, 2, 8))
 
 
-@pytest.mark.parametrize("cases", counts(60, 10_000))
+@pytest.mark.parametrize("cases", counts(60, 1_000))
 def test_rows_of_modes_that_grow_are_inside_the_space(cases):
     for kind in (HybridTrackVectorEnv, HybridTrackQuickestVectorEnv):
         # Its code is compiled.
@@ -107,7 +107,7 @@ def check_covariances(seed):
         assert np.linalg.eigvalsh(correlations).min() > -1e-9, (seed, k)
 
 
-@pytest.mark.parametrize("cases", counts(8, 10_000))
+@pytest.mark.parametrize("cases", counts(8, 1_000))
 def test_covariances_of_every_filter_are_positive_semidefinite(cases):
     for seed in range(24, 24 + cases):
         check_covariances(seed)
@@ -145,7 +145,7 @@ def test_a_law_that_raises_leaves_no_measurement_behind(cases, monkeypatch):
     assert 0 < raised < cases
 
 
-@pytest.mark.parametrize("cases", counts(60, 10_000))
+@pytest.mark.parametrize("cases", counts(60, 1_000))
 def test_long_texts_are_read_or_refused_at_once(cases):
     for seed in range(cases):
         generator = np.random.default_rng(seed)
