@@ -151,9 +151,12 @@ def jacobian(function, state):
 class MatrixExtendedKalmanFilter(MatrixFilter):
     """Extended Kalman filter with seven states. Jacobians are computed by complex steps."""
 
-    def __init__(self, anchor, P, signed_radius, tau, Q, R, freedom=0):
+    def __init__(self, anchor, P, signed_radius, tau, Q, R, freedom=0, drift=0):
         self.tau, self.R, self.freedom = tau, R, freedom
         self.Q = np.diag([0, Q, 0, Q, 0, 0, 0])
+        # A drift moves x and the x of the centre by the same way, and likewise y.
+        for moved in ([1, 0, 0, 0, 1, 0, 0], [0, 0, 1, 0, 0, 1, 0]):
+            self.Q = self.Q + drift * np.outer(moved, moved)
         if signed_radius == 0.0:
             self.x = np.array([*anchor, 0.0, 0.0, 0.0])
             J = np.eye(7)[:, :4]
@@ -184,10 +187,10 @@ class LiteralImm:
     # See `MatrixFilter`.
     rates = ()
 
-    def __init__(self, estimate, P, curvatures, transition, tau, Q, R, freedom=0):
+    def __init__(self, estimate, P, curvatures, transition, tau, Q, R, freedom=0, drift=0):
         self.freedom = freedom
         self.curvatures, self.transition, self.tau = curvatures, transition, tau
-        self.GQG, self.R = np.diag([0.0, Q, 0.0, Q]), np.diag(R)
+        self.GQG, self.R = np.diag([drift, Q, drift, Q]), np.diag(R)
         self.states = [np.array(estimate) for _ in curvatures]
         self.covariances = [np.array(P) for _ in curvatures]
         self.probability = np.full(len(curvatures), 1.0 / len(curvatures))
@@ -266,7 +269,8 @@ def filters_at_switch(env, i):
     signed = (0.0, *options.radii, *(-radius for radius in options.radii))
     freedom = FREEDOM * (str(options.likelihood) != "gaussian")
     if options.bank == "anchor_aware":
-        return [MatrixExtendedKalmanFilter(anchor, P, radius, *model, freedom) for radius in signed]
+        noises = freedom, options.drift_variance
+        return [MatrixExtendedKalmanFilter(anchor, P, radius, *model, *noises) for radius in signed]
     if options.parameters()["reset_covariance"]:
         P = np.eye(4)
     # Which filters each axis by itself.

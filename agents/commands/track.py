@@ -219,9 +219,12 @@ def report_lines(tracked: TrackedRecording) -> list[str]:
         "radii": f"{'radius' if len(model.radii) == 1 else 'radii'} {radii}",
         "measurement_variance": f"R {model.measurement_variance:.4g} {unit}^2",
         "process_variance": f"Q {model.process_variance:.3g} {unit}^2/{time}^2",
+        "drift_variance": f"drift {model.drift_variance:.3g} {unit}^2 a tick",
         "duration": f"mean duration {model.duration:.3g} ticks",
         "modes": f"modes {', '.join(tracked.mode_names())}",
     }
+    if not model.drift_variance:
+        del values["drift_variance"]
     if not model.modes:
         del values["modes"]
     elif not model.radii:

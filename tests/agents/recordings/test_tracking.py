@@ -168,6 +168,17 @@ def test_a_car_is_tracked_without_any_option(drive):
     assert free.warnings == []
 
 
+def test_a_drift_of_the_positions_is_found_and_is_no_turn(drive):
+    """Errors of a GPS remember earlier ones: their steps here are 1.5 times the white noise."""
+    steps = np.random.default_rng(3).normal(0.0, 1.5 * CAR.measurement_variance**0.5, (220, 2))
+    drifting = track_recording(TIMES, drive + np.cumsum(steps, axis=0))
+
+    assert "drift_variance" in drifting.model.estimated
+    assert drifting.model.drift_variance == pytest.approx(2.25 * CAR.measurement_variance, rel=0.5)
+    assert (drifting.modes == TRUE).mean() > 0.9
+    assert track_recording(TIMES, drive).model.drift_variance == 0.0
+
+
 def test_the_example_of_the_readme_is_right():
     run = simulate("L60r3 R75r5 S50 L60r10").measurements[0]
     tracked = track_recording(

@@ -80,6 +80,7 @@ ROBUST = {
     },
     "robust, missed": {"likelihood": f"student_t {FREEDOM}", "missed": 0.3} | UNEQUAL | HEAVY,
 }
+DRIFT = {"drift": {"drift_variance": 0.02, "missed": 0.2}}
 ANNOUNCED = [
     *(
         pytest.param({"bank": "published"} | options, id=f"published, {k}")
@@ -87,7 +88,7 @@ ANNOUNCED = [
     ),
     *(
         pytest.param({"bank": "anchor_aware"} | options, id=f"aware, {k}")
-        for k, options in (MEASURED | ROBUST).items()
+        for k, options in (MEASURED | ROBUST | DRIFT).items()
     ),
     pytest.param({"reset_covariance": False} | UNEQUAL, id="published, kept covariance"),
     pytest.param(
@@ -151,6 +152,7 @@ UNKNOWN = (
     {"hazard 0": {"hazard": 0.0, "measurement_variance": 3.0}, "hazard 0.8": {"hazard": 0.8}}
     | MEASURED
     | ROBUST
+    | DRIFT
 )
 
 
@@ -181,6 +183,7 @@ def test_the_imm_bank_equals_the_literal_one(options):
         chosen.process_variance,
         [1.0, 1.0],
         FREEDOM * (str(chosen.likelihood) != "gaussian"),
+        chosen.drift_variance,
     )
     literal = [LiteralImm(start, np.zeros((4, 4)), curvatures, *model) for _ in range(LANES)]
     rows, info = env.reset(seed=5)
@@ -300,7 +303,7 @@ def test_a_diverged_filter_loses_likelihood_and_stays_finite():
     env = HybridTrackEnv(bank="anchor_aware", scheme="S9")
     env.reset(seed=0)
     bank = env.world.bank.hypotheses[0]
-    bank["covariance"][1, 0], bank["covariance"][2, 0] = np.nan, -1.0
+    bank["covariance"][1, 0], bank["covariance"][2, 0] = np.nan, 1e30
     for _ in range(5):
         *_, info = env.step(0)
     log_likelihood = info["log_likelihood"]
