@@ -57,8 +57,8 @@ class ModelOptions(Checked):
         tau: length of a tick [s].
         process_variance: Q, variance of the noise added to each velocity at every tick [m^2/s^2].
         object_variance: the same of the object, of which the filters are not told; None is Q.
-        drift_variance: of the drift of each measured coordinate in a tick [m^2], as of a GPS, that
-            the filters assume, but for those of the published bank; the object has none.
+        drift_variance: variance of the drift of each measured coordinate in a tick [m^2], as of a
+            GPS, that anchor-aware and IMM filters assume; measurements have none.
         measurement_variance: R, variance of each measured coordinate [m^2], one number or (x, y).
         noise: law of the errors of measurements in units of sqrt(R), see `hybrid_env.noises`:
             "gaussian", "outliers 0.02", "levy 1.5 1 44", "student_t 3", or a law object. The bank

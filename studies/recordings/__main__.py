@@ -21,6 +21,7 @@ DECIDERS = (
     "beam:0.7",
     "beam-adaptive",
     "shipped",
+    study.HINDSIGHT,
 )
 
 
@@ -32,7 +33,7 @@ class Recordings:
     """
 
     deciders: Annotated[tuple[str, ...], tyro.conf.Positional] = DECIDERS
-    """Names with their thresholds; the others are compared with the first."""
+    """Names with their thresholds, or hindsight; the others are compared with the first."""
     tracks: int = 12
     """Number of recordings of each object and kind."""
     ticks: int = 600

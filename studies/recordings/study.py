@@ -27,6 +27,8 @@ COLUMNS = {
 """Heads of tables, with the key and the digits of a value; changes and pieces are counted in 1,000
 rows.
 """
+HINDSIGHT = "hindsight"
+"""In place of a decider: rows are decided from all rows."""
 SHORT = {
     key: Statistic((key, "rows"), lambda pieces, rows: 1000.0 * pieces / rows)
     for key in ("below_3", "below_5")
@@ -40,8 +42,8 @@ Statements = tuple[SimulatedRecording, dict[str, Any], dict[str, Any]]
 
 
 def state(name: str, kind: str, seed: int, ticks: int, deciders: Sequence[str]) -> Statements:
-    """Track one recording by all deciders. What the first finds is given to the others, so that
-    the model is fitted once.
+    """Track one recording by all deciders, or with hindsight. What the first finds is given to the
+    others, so that the model is fitted once.
     """
     recording = record(name, kind.removesuffix(", known radius"), seed, ticks)
     given: dict[str, Any] = {}
@@ -50,7 +52,8 @@ def state(name: str, kind: str, seed: int, ticks: int, deciders: Sequence[str]) 
     stated = {}
     letters = {}
     for decider in deciders:
-        tracked = track_recording(*recording[:2], decider=decider, live=True, **given)
+        how = {} if decider == HINDSIGHT else {"decider": decider, "live": True}
+        tracked = track_recording(*recording[:2], **how, **given)
         model = tracked.model
         given = {
             "radii": model.radii,
@@ -80,7 +83,8 @@ def evaluate(
     results = in_parallel(calls, jobs, "recordings")
     rows = compare("all", results, deciders)
     for row in rows:
-        row |= costs(row["decider"], results[0][0])
+        if row["decider"] != HINDSIGHT:
+            row |= costs(row["decider"], results[0][0])
     for part, world in enumerate(worlds):
         here = results[part * tracks : (part + 1) * tracks]
         rows += compare(", ".join(world), here, deciders)
