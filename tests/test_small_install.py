@@ -157,7 +157,7 @@ def test_the_base_install_has_few_packages_and_says_which_extra_is_missing(pytho
 
 def test_the_base_install_passes_the_checker_and_runs_the_live_tracker(python, folder):
     [program] = re.findall(
-        r"```python\n(.*?OnlineTracker.*?)```", (ROOT / "README.md").read_text("utf-8"), re.DOTALL
+        r"```python\n([^`]*OnlineTracker[^`]*)```", (ROOT / "README.md").read_text("utf-8")
     )
     checked = 'check_env(gymnasium.make("hybrid_env:HybridTrack-v0").unwrapped)'
     imported = "import gymnasium; from gymnasium.utils.env_checker import check_env"
