@@ -52,7 +52,9 @@ def state(name: str, kind: str, seed: int, ticks: int, deciders: Sequence[str]) 
     stated = {}
     letters = {}
     for decider in deciders:
-        how = {} if decider == HINDSIGHT else {"decider": decider, "live": True}
+        how: dict[str, Any] = {}
+        if decider != HINDSIGHT:
+            how = {"decider": decider, "live": True}
         tracked = track_recording(*recording[:2], **how, **given)
         model = tracked.model
         given = {
