@@ -52,10 +52,9 @@ def state(name: str, kind: str, seed: int, ticks: int, deciders: Sequence[str]) 
     stated = {}
     letters = {}
     for decider in deciders:
-        how: dict[str, Any] = {}
-        if decider != HINDSIGHT:
-            how = {"decider": decider, "live": True}
-        tracked = track_recording(*recording[:2], **how, **given)
+        live = decider != HINDSIGHT
+        name = decider if live else None
+        tracked = track_recording(*recording[:2], live=live, decider=name, **given)
         model = tracked.model
         given = {
             "radii": model.radii,
