@@ -53,8 +53,8 @@ def state(name: str, kind: str, seed: int, ticks: int, deciders: Sequence[str]) 
     letters = {}
     for decider in deciders:
         live = decider != HINDSIGHT
-        name = decider if live else None
-        tracked = track_recording(*recording[:2], live=live, decider=name, **given)
+        rule = decider if live else None
+        tracked = track_recording(*recording[:2], live=live, decider=rule, **given)
         model = tracked.model
         given = {
             "radii": model.radii,
