@@ -27,7 +27,7 @@ studies: $(INSTALLED)
 
 # long statistical tests and attacks, then the quick tests with every index of compiled code checked
 study: $(INSTALLED)
-	$(BIN)/python -m pytest -m study $(ARGS)
+	$(BIN)/python -m pytest -m study -n auto --maxprocesses 8 --dist worksteal --durations 30 $(ARGS)
 	NUMBA_BOUNDSCHECK=1 NUMBA_CACHE_DIR=$(CURDIR)/$(VENV)/checked $(BIN)/python -m pytest -n auto --maxprocesses 8 $(ARGS)
 
 # lines of the three packages that the quick tests run; compiled functions are left out
