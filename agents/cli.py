@@ -103,9 +103,7 @@ def run_command(command: type, program: str, arguments: Sequence[str] | None = N
 
 
 def _main(
-    parser: Callable[[Sequence[str]], Any],
-    program: str,
-    arguments: Sequence[str] | None,
+    parser: Callable[[Sequence[str]], Any], program: str, arguments: Sequence[str] | None
 ) -> int:
     def report(message: str) -> None:
         with contextlib.suppress(OSError):
@@ -136,9 +134,7 @@ def _main(
 
 
 def _run(
-    parser: Callable[[Sequence[str]], Any],
-    report: Callable[[str], None],
-    arguments: Sequence[str],
+    parser: Callable[[Sequence[str]], Any], report: Callable[[str], None], arguments: Sequence[str]
 ) -> int:
     errors = io.StringIO()
     try:

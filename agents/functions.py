@@ -42,12 +42,7 @@ def load(decider: Any, env_id: str = DEFAULT_ENV, **options: Any) -> Decider:
 
 
 def evaluate(
-    decider: Any,
-    env_id: str = DEFAULT_ENV,
-    *,
-    episodes: int = 1000,
-    seed: int = 0,
-    **options: Any,
+    decider: Any, env_id: str = DEFAULT_ENV, *, episodes: int = 1000, seed: int = 0, **options: Any
 ) -> dict[str, Estimate]:
     """Return the metrics of a decider with their 95 % confidence intervals, as `hybridtrack
     evaluate`.

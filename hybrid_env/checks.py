@@ -275,10 +275,7 @@ def check_choice(name: str, value: Any, choices: Iterable[str]) -> str:
 
 
 def check_array(
-    name: str,
-    value: ArrayLike,
-    shape: tuple[int | None, ...],
-    missing: bool = False,
+    name: str, value: ArrayLike, shape: tuple[int | None, ...], missing: bool = False
 ) -> FloatArray:
     """Return a copy as a finite float64 array of a given shape; None in `shape` allows any length
     >= 1, and `missing` allows NaN.

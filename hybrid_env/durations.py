@@ -101,9 +101,7 @@ class UniformDurations(DurationLaw):
         super().__post_init__()
         if self.shortest > self.longest:
             raise reject(
-                "longest",
-                self.longest,
-                f"at least {self.shortest}, the shortest duration",
+                "longest", self.longest, f"at least {self.shortest}, the shortest duration"
             )
 
     @property

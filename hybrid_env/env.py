@@ -116,10 +116,7 @@ class TrackEnv(OwnState, gym.Env[Float32Array, np.int64]):
         self._bind_views()
 
     def reset(
-        self,
-        *,
-        seed: int | None = None,
-        options: Info | None = None,
+        self, *, seed: int | None = None, options: Info | None = None
     ) -> tuple[Float32Array, Info]:
         """Begin an episode. Without a seed the random stream continues. `options` is not used."""
         checked("options", options, Mapping | None)

@@ -15,11 +15,7 @@ from hybrid_env.core.errors import ArgumentError
 
 DISTRIBUTION = "hybrid-track"
 
-OTHER_NAMES = {
-    "PIL": "pillow",
-    "pygame": "pygame-ce",
-    "yaml": "pyyaml",
-}
+OTHER_NAMES = {"PIL": "pillow", "pygame": "pygame-ce", "yaml": "pyyaml"}
 """Distributions that are not called as their modules."""
 
 

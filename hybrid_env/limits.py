@@ -28,10 +28,7 @@ def distinct_radii(value: Any, name: str = "radii") -> tuple[float, ...]:
     return tuple(radii)
 
 
-def check_variances(
-    value: Any,
-    name: str = "measurement_variance",
-) -> float | tuple[float, float]:
+def check_variances(value: Any, name: str = "measurement_variance") -> float | tuple[float, float]:
     """Return the measurement variance [m^2], one number or (x, y). Equal variances become one
     number.
     """

@@ -8,14 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from annotated_types import Interval, Unit
 
-from hybrid_env.checks import (
-    AnyArray,
-    Checked,
-    FloatArray,
-    IntArray,
-    Share,
-    reject,
-)
+from hybrid_env.checks import AnyArray, Checked, FloatArray, IntArray, Share, reject
 from hybrid_env.core.memory import PARAMETERS
 from hybrid_env.limits import (
     Quantity,
@@ -26,13 +19,7 @@ from hybrid_env.limits import (
     check_variances,
     distinct_radii,
 )
-from hybrid_env.modes import (
-    Mode,
-    modes_of_radii,
-    motion_table,
-    parse_modes,
-    radii_of_modes,
-)
+from hybrid_env.modes import Mode, modes_of_radii, motion_table, parse_modes, radii_of_modes
 from hybrid_env.noises import GaussianNoise, Noise, StudentNoise, parse_likelihood, parse_noise
 from hybrid_env.sensors import Radar, Sensor, has_radar, parse_sensors, sensor_table
 

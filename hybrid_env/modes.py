@@ -342,10 +342,7 @@ def mode_of_text(text: Any) -> Mode | None:
 
 
 def motion_table(
-    modes: Sequence[Mode],
-    tau: float,
-    process_variance: float,
-    drift_variance: float = 0.0,
+    modes: Sequence[Mode], tau: float, process_variance: float, drift_variance: float = 0.0
 ) -> AnyArray:
     """Return the modes as records `core.memory.MOTION`, (M,), for ticks of length tau [s], the
     variance of the process noise on each velocity [m^2/s^2], and that of the drift of the measured

@@ -81,9 +81,7 @@ class WorldOptions(ModelOptions):
         super().__post_init__()
         if self.reset_covariance and self.bank == "oracle":
             raise reject(
-                "reset_covariance",
-                True,
-                "False or None with bank='oracle', whose anchor is exact",
+                "reset_covariance", True, "False or None with bank='oracle', whose anchor is exact"
             )
         for name in ("recalculation", "refine_radius"):
             if getattr(self, name) and self.follow == "bank":

@@ -20,12 +20,7 @@ AWARE = {"bank": "anchor_aware", "decide_every": 8}
 ENVIRONMENTS: dict[str, dict[str, object]] = {
     "HybridTrack-v0": AWARE,
     "HybridTrackRaw-v0": {**AWARE, "observation": "raw"},
-    "HybridTrackBank-v0": {
-        **AWARE,
-        **TYPES,
-        "actions": "types",
-        "follow": "bank",
-    },
+    "HybridTrackBank-v0": {**AWARE, **TYPES, "actions": "types", "follow": "bank"},
     "HybridTrackPublished-v0": {},
     "HybridTrackPublishedBank-v0": TYPES,
     "HybridTrackQuickest-v0": {},
@@ -69,11 +64,7 @@ def make_track_vector_env(env_id: str, num_envs: int, **options: Any) -> "TrackV
     override its options.
     """
     vector_class(env_id)
-    given = {
-        "vectorization_mode": "vector_entry_point",
-        "max_episode_steps": -1,
-        **options,
-    }
+    given = {"vectorization_mode": "vector_entry_point", "max_episode_steps": -1, **options}
     return cast("TrackVectorEnv", gym.make_vec(env_id, num_envs, **given))
 
 

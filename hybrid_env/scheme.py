@@ -14,14 +14,7 @@ from annotated_types import Len
 
 from hybrid_env.checks import Checked, FloatArray, checked, reject, unknown
 from hybrid_env.limits import Quantity, Ticks, distinct_radii
-from hybrid_env.modes import (
-    Mode,
-    Straight,
-    Turn,
-    mode_of_text,
-    modes_of_radii,
-    radii_of_modes,
-)
+from hybrid_env.modes import Mode, Straight, Turn, mode_of_text, modes_of_radii, radii_of_modes
 
 MOST_PIECES = 10_000
 
@@ -44,9 +37,7 @@ class Segment(Checked):
         super().__post_init__()
         if (self.mode in ("L", "R")) != (self.radius is not None):
             raise reject(
-                "radius",
-                self.radius,
-                "None for a straight segment, a number > 0 for a turn",
+                "radius", self.radius, "None for a straight segment, a number > 0 for a turn"
             )
 
     @property

@@ -12,15 +12,7 @@ import numpy as np
 from annotated_types import Interval, Unit
 from numpy.typing import ArrayLike
 
-from hybrid_env.checks import (
-    AnyArray,
-    Checked,
-    FloatArray,
-    Positive,
-    check_array,
-    checked,
-    reject,
-)
+from hybrid_env.checks import AnyArray, Checked, FloatArray, Positive, check_array, checked, reject
 from hybrid_env.core.memory import MOST_RATES, SENSOR
 from hybrid_env.core.polar import (
     Position,

@@ -97,10 +97,7 @@ class TrackVectorEnv(OwnState, VectorEnv[Float32Array, IntArray, AnyArray]):
         self._every_track.setflags(write=False)
 
     def reset(
-        self,
-        *,
-        seed: int | Sequence[int | None] | None = None,
-        options: Info | None = None,
+        self, *, seed: int | Sequence[int | None] | None = None, options: Info | None = None
     ) -> tuple[Float32Array, Info]:
         """Begin an episode on every track, or on those of `options["reset_mask"]`, (N,) bool.
 

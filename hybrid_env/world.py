@@ -326,10 +326,9 @@ class World:
 
 def random_states(seeds: Sequence[int | None]) -> NDArray[np.uint64]:
     """Return the initial states of random streams, (n, 4), of seeds >= 0; None is a random one."""
-    return np.array(
-        [state_of(seeding.np_random(seed)[0]) for seed in seeds],
-        np.uint64,
-    ).reshape(-1, 4)
+    return np.array([state_of(seeding.np_random(seed)[0]) for seed in seeds], np.uint64).reshape(
+        -1, 4
+    )
 
 
 def state_of(generator: np.random.Generator) -> NDArray[np.uint64]:

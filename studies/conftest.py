@@ -13,11 +13,6 @@ def run_study() -> Callable[..., str]:
 
     def run(name: str, *flags: str) -> str:
         command = [sys.executable, "-m", f"studies.{name}", *flags]
-        return subprocess.run(
-            command,
-            check=True,
-            capture_output=True,
-            text=True,
-        ).stdout
+        return subprocess.run(command, check=True, capture_output=True, text=True).stdout
 
     return run

@@ -10,26 +10,12 @@ from baselines import Estimate
 
 
 def draw_estimates(
-    axes: Axes,
-    places: Any,
-    estimates: Sequence[Estimate],
-    horizontal: bool = False,
-    **style: Any,
+    axes: Axes, places: Any, estimates: Sequence[Estimate], horizontal: bool = False, **style: Any
 ) -> None:
     """Draw estimates with their intervals over places (n,), or beside them."""
     value, low, high = np.array([[*vars(estimate).values()] for estimate in estimates]).T
     bars = value - low, high - value
     if horizontal:
-        axes.errorbar(
-            value,
-            places,
-            xerr=bars,
-            **style,
-        )
+        axes.errorbar(value, places, xerr=bars, **style)
     else:
-        axes.errorbar(
-            places,
-            value,
-            yerr=bars,
-            **style,
-        )
+        axes.errorbar(places, value, yerr=bars, **style)

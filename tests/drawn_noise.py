@@ -16,11 +16,7 @@ def drawn_noise(ticks, tracks, seed=1, **options):
     The first two of a tick are independent draws of N(0, 1); the others are the errors of the
     measured coordinates over sqrt(R). Track i has seed `seed` + i.
     """
-    options |= {
-        "scheme": f"S{ticks + 1}",
-        "process_variance": Q,
-        "measurement_variance": R,
-    }
+    options |= {"scheme": f"S{ticks + 1}", "process_variance": Q, "measurement_variance": R}
     env = HybridTrackVectorEnv(tracks, tick_info=True, **options)
     _, info = env.reset(seed=seed)
     wait = np.zeros(tracks, np.int64)

@@ -25,47 +25,13 @@ MODES = "RLSLSRLRSLSRLS"
 # Rows of each piece.
 LENGTHS = (60, 80, 50, 90, 70, 60, 100, 50, 60, 80, 70, 60, 90, 80)
 
-DRONE = Object(
-    8.0,
-    16.0,
-    0.1,
-    0.1,
-    1e-4,
-)
-ROBOT = Object(
-    0.6,
-    0.9,
-    0.1,
-    0.01,
-    1e-4,
-)
-RUNNER = Object(
-    3.2,
-    20.0,
-    1.0,
-    1.0,
-)
-AIRCRAFT = Object(
-    120.0,
-    3000.0,
-    4.0,
-    28.0,
-    1e-4,
-)
-CAR = Object(
-    12.0,
-    80.0,
-    1.0,
-    1.5,
-)
+DRONE = Object(8.0, 16.0, 0.1, 0.1, 1e-4)
+ROBOT = Object(0.6, 0.9, 0.1, 0.01, 1e-4)
+RUNNER = Object(3.2, 20.0, 1.0, 1.0)
+AIRCRAFT = Object(120.0, 3000.0, 4.0, 28.0, 1e-4)
+CAR = Object(12.0, 80.0, 1.0, 1.5)
 # The true state is simulated every second.
-SHIP = Object(
-    8.0,
-    500.0,
-    1.0,
-    5.0,
-    1e-6,
-)
+SHIP = Object(8.0, 500.0, 1.0, 5.0, 1e-6)
 SHIP_STEPS = 2.0, 30.0
 
 # Of the radar: standard deviations of range [m] and azimuth [deg].
@@ -137,14 +103,7 @@ def make(name, seed, *, jitter=0.0, repeated=0.0, late=0.0, missing=0.0):
     """
     generator = np.random.default_rng([NAMES.index(name), seed])
     parts = [
-        _of_object(
-            name,
-            who,
-            target,
-            seed,
-            jitter,
-            generator,
-        )
+        _of_object(name, who, target, seed, jitter, generator)
         for who, target in OBJECTS[name].items()
     ]
     fields = ("times", "positions", "modes", "objects")
@@ -155,16 +114,7 @@ def make(name, seed, *, jitter=0.0, repeated=0.0, late=0.0, missing=0.0):
     count = len(rows.times)
     rows = rows.select(generator.random(count) >= missing)
     count = len(rows.times)
-    behind = np.where(
-        generator.random(count) < late,
-        generator.integers(
-            1,
-            4,
-            count,
-        )
-        + 0.5,
-        0.0,
-    )
+    behind = np.where(generator.random(count) < late, generator.integers(1, 4, count) + 0.5, 0.0)
     rows = rows.select(np.argsort(np.arange(count) + behind, kind="stable"))
     return rows.select(np.repeat(np.arange(count), 1 + (generator.random(count) < repeated)))
 
@@ -179,11 +129,7 @@ def _of_object(name, who, target, seed, jitter, generator):
         lengths //= 2
     words = [
         f"{mode}{length}" + ("" if mode == "S" else f"r{target.radius}")
-        for mode, length in zip(
-            MODES,
-            lengths,
-            strict=True,
-        )
+        for mode, length in zip(MODES, lengths, strict=True)
     ]
     truth = simulate(
         " ".join(words),
@@ -199,25 +145,10 @@ def _of_object(name, who, target, seed, jitter, generator):
         steps = generator.uniform(*SHIP_STEPS, len(truth))
         times = np.cumsum(steps)
         times = times[times < ticks[-1] - 1.0] + 1.0
-    moved = target.tau * np.clip(
-        jitter * generator.standard_normal(len(times)),
-        -0.4,
-        0.4,
-    )
+    moved = target.tau * np.clip(jitter * generator.standard_normal(len(times)), -0.4, 0.4)
     # Clocks have milliseconds.
-    times = np.round(
-        np.clip(
-            times + moved,
-            ticks[0],
-            ticks[-1],
-        ),
-        3,
-    )
-    points = CubicHermiteSpline(
-        ticks,
-        truth[:, ::2],
-        truth[:, 1::2],
-    )(times)
+    times = np.round(np.clip(times + moved, ticks[0], ticks[-1]), 3)
+    points = CubicHermiteSpline(ticks, truth[:, ::2], truth[:, 1::2])(times)
     noise = generator.standard_normal((len(times), 2))
     if name == "radar":
         away = points + AIRCRAFT_AT
@@ -231,13 +162,7 @@ def _of_object(name, who, target, seed, jitter, generator):
     pieces = np.repeat(["SLR".index(mode) for mode in MODES], lengths)
     # The mode of a tick is that of the step to it.
     modes = pieces[np.searchsorted(ticks, times - 1e-6)]
-    return Rows(
-        name,
-        times,
-        positions,
-        modes,
-        np.full(len(times), who),
-    )
+    return Rows(name, times, positions, modes, np.full(len(times), who))
 
 
 def write(rows, folder):
@@ -270,23 +195,14 @@ def _robot(rows):
     frame = pd.DataFrame({"time": rows.times}).assign(
         **{"x [m]": rows.positions[:, 0], "y [m]": rows.positions[:, 1]}
     )
-    return frame.to_csv(
-        index=False,
-        sep=";",
-        decimal=",",
-        float_format="%.4f",
-    )
+    return frame.to_csv(index=False, sep=";", decimal=",", float_format="%.4f")
 
 
 def _run(rows):
     points = [
         f'   <trkpt lat="{latitude:.8f}" lon="{longitude:.8f}"><ele>431.2</ele>'
         f"<time>{time}</time></trkpt>"
-        for time, (latitude, longitude) in zip(
-            iso_times(rows),
-            rows.positions,
-            strict=True,
-        )
+        for time, (latitude, longitude) in zip(iso_times(rows), rows.positions, strict=True)
     ]
     return "\n".join(
         [
@@ -303,13 +219,7 @@ def _run(rows):
 
 def _radar(rows):
     ranges, azimuths = rows.positions.T
-    frame = pd.DataFrame(
-        {
-            "time_s": rows.times,
-            "range_m": ranges,
-            "azimuth_deg": azimuths,
-        }
-    )
+    frame = pd.DataFrame({"time_s": rows.times, "range_m": ranges, "azimuth_deg": azimuths})
     return frame.to_csv(index=False, float_format="%.3f")
 
 
@@ -325,10 +235,4 @@ def _harbour(rows):
     return frame.to_csv(index=False, float_format="%.4f")
 
 
-_WRITERS = {
-    "drone": _drone,
-    "robot": _robot,
-    "run": _run,
-    "radar": _radar,
-    "harbour": _harbour,
-}
+_WRITERS = {"drone": _drone, "robot": _robot, "run": _run, "radar": _radar, "harbour": _harbour}

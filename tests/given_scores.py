@@ -13,10 +13,7 @@ from baselines.scoring import decisions, statements
 from baselines.scoring.scores import Scores
 
 ANNOUNCED = task_of("hybrid_env:HybridTrackPublished-v0", {"scheme": "random 1000x50"})
-UNKNOWN = task_of(
-    "hybrid_env:HybridTrackQuickest-v0",
-    {"ticks": 150, "durations": "uniform 20-40"},
-)
+UNKNOWN = task_of("hybrid_env:HybridTrackQuickest-v0", {"ticks": 150, "durations": "uniform 20-40"})
 
 
 def scores_of(name, columns, episodes=4, extra=None, **figures):
@@ -26,14 +23,7 @@ def scores_of(name, columns, episodes=4, extra=None, **figures):
     for column, row in figures.items():
         values[:, columns.index(column)] = row
     thresholds = tuple(float(k) for k in range(count))
-    return Scores(
-        name,
-        "p",
-        thresholds,
-        columns,
-        values,
-        extra or {},
-    )
+    return Scores(name, "p", thresholds, columns, values, extra or {})
 
 
 def announced_scores(name, accuracy, ticks):
@@ -85,14 +75,7 @@ def comparison(task, *every, agents=0):
         selected = float(scores.of("reward", index).mean())
         is_agent = len(entries) >= len(every) - agents
         entries.append(
-            Result(
-                task,
-                scores,
-                index,
-                "agent" if is_agent else name,
-                selected,
-                learned=is_agent,
-            )
+            Result(task, scores, index, "agent" if is_agent else name, selected, learned=is_agent)
         )
     plan = SimpleNamespace(
         task=task,

@@ -117,14 +117,7 @@ def write_onnx(path, nodes, weights=(), shape=("N", ACTIONS), kind=1, **keywords
         onnx.numpy_helper.from_array(np.asarray(values), name)
         for name, values in dict(weights).items()
     ]
-    graph = helper.make_graph(
-        nodes,
-        "policy",
-        [given],
-        [out],
-        constants,
-        **keywords,
-    )
+    graph = helper.make_graph(nodes, "policy", [given], [out], constants, **keywords)
     versions = [helper.make_opsetid("", 17), helper.make_opsetid("own", 1)]
     path.write_bytes(
         helper.make_model(graph, opset_imports=versions, ir_version=8).SerializeToString()
@@ -135,12 +128,7 @@ def write_onnx(path, nodes, weights=(), shape=("N", ACTIONS), kind=1, **keywords
 def node(name, given, out, **attributes):
     from onnx import helper
 
-    return helper.make_node(
-        name,
-        given.split(),
-        out.split(),
-        **attributes,
-    )
+    return helper.make_node(name, given.split(), out.split(), **attributes)
 
 
 def loop():
@@ -155,19 +143,11 @@ def loop():
         info("rows", 1, ["N", ACTIONS]),
     ]
     body = helper.make_graph(
-        inner,
-        "body",
-        given,
-        [info("again", TensorProto.BOOL, []), info("same", 1, None)],
+        inner, "body", given, [info("again", TensorProto.BOOL, []), info("same", 1, None)]
     )
     return [
         node("MatMul", "x w", "logits"),
-        helper.make_node(
-            "Loop",
-            ["", "true", "logits"],
-            ["y"],
-            body=body,
-        ),
+        helper.make_node("Loop", ["", "true", "logits"], ["y"], body=body),
     ]
 
 
@@ -175,13 +155,7 @@ def doubled(times):
     """Rows that are joined to themselves many times."""
     names = ["x", *(f"x{k}" for k in range(times))]
     joined = [
-        node(
-            "Concat",
-            f"{name} {name}",
-            after,
-            axis=0,
-        )
-        for name, after in itertools.pairwise(names)
+        node("Concat", f"{name} {name}", after, axis=0) for name, after in itertools.pairwise(names)
     ]
     return [*joined, node("MatMul", f"{names[-1]} w", "all"), node("Slice", "all zero count", "y")]
 
@@ -207,12 +181,7 @@ def expanded(name, sizes, **attributes):
 def network(number=0.0):
     weights = np.random.default_rng(0).normal(size=(WIDTH, ACTIONS)).astype(np.float32)
     weights[1, 2] += np.float32(number)
-    return {
-        "w": weights,
-        "true": np.array(True),
-        "zero": np.array([0]),
-        "count": np.array([2]),
-    }
+    return {"w": weights, "true": np.array(True), "zero": np.array([0]), "count": np.array([2])}
 
 
 LARGE = np.array([1 << 17, 1 << 16])
@@ -223,27 +192,13 @@ HOSTILE_ONNX = {
         "nodes": [node("MatMul", "x w", "z"), node("Log", "z", "l"), node("Sub", "l l", "y")],
         "weights": network(),
     },
-    "operator of its own": lambda: {
-        "nodes": [
-            node(
-                "Net",
-                "x",
-                "y",
-                domain="own",
-            )
-        ]
-    },
+    "operator of its own": lambda: {"nodes": [node("Net", "x", "y", domain="own")]},
     "random numbers": lambda: {"nodes": [node("RandomNormalLike", "x", "y")], "shape": None},
     "doubled rows": lambda: {"nodes": doubled(26), "weights": network()},
     "large constant": lambda: {
         "nodes": [
             node("ConstantOfShape", "size", "c"),
-            node(
-                "ReduceMean",
-                "c",
-                "m",
-                keepdims=0,
-            ),
+            node("ReduceMean", "c", "m", keepdims=0),
             node("MatMul", "x w", "z"),
             node("Add", "z m", "y"),
         ],

@@ -18,10 +18,7 @@ def matrices(model, dt):
 
 def positions_of(model):
     """H, (d, n)."""
-    return np.kron(
-        np.eye(model.axes),
-        np.eye(1, model.order),
-    )
+    return np.kron(np.eye(model.axes), np.eye(1, model.order))
 
 
 def squared_errors(error, covariance):
@@ -49,11 +46,7 @@ def simulate(rng, model, times, start_covariance, noise, tracks):
         states.append(state)
         last = time
     states = np.array(states)
-    errors = draw(rng, 0.0, noise, len(times) * tracks).reshape(
-        len(times),
-        tracks,
-        -1,
-    )
+    errors = draw(rng, 0.0, noise, len(times) * tracks).reshape(len(times), tracks, -1)
     return states, states @ positions_of(model).T + errors
 
 

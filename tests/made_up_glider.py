@@ -26,40 +26,16 @@ def fly(seed, noise=0.3):
     generator = np.random.default_rng(seed)
     modes = np.repeat(*np.transpose(PLAN))
     wanted = np.radians(18.0) * np.array([0.0, 1.0, -1.0])[modes]
-    rates = np.convolve(
-        np.pad(
-            wanted,
-            (3, 0),
-            "edge",
-        ),
-        np.ones(4) / 4.0,
-        "valid",
-    )
+    rates = np.convolve(np.pad(wanted, (3, 0), "edge"), np.ones(4) / 4.0, "valid")
     heading = np.cumsum(rates) + generator.uniform(0.0, 2.0 * np.pi)
     velocity = 10.0 * np.column_stack([np.cos(heading), np.sin(heading)]) + (3.0, -1.0)
     positions = np.cumsum(velocity, axis=0) + noise * generator.standard_normal((len(modes), 2))
-    return (
-        modes,
-        positions,
-        1500.0
-        + np.cumsum(
-            np.where(
-                modes > 0,
-                1.5,
-                -1.0,
-            )
-        ),
-    )
+    return (modes, positions, 1500.0 + np.cumsum(np.where(modes > 0, 1.5, -1.0)))
 
 
 def degrees_of(projection, positions):
     """Latitude and longitude of positions, (n, 2) [m]."""
-    plane = Proj(
-        proj="aeqd",
-        lat_0=projection.latitude,
-        lon_0=projection.longitude,
-        ellps="WGS84",
-    )
+    plane = Proj(proj="aeqd", lat_0=projection.latitude, lon_0=projection.longitude, ellps="WGS84")
     return np.column_stack(plane(*positions.T, inverse=True)[::-1])
 
 
@@ -69,20 +45,9 @@ def write_log(positions, altitudes, digits=2):
     if digits:
         lines.append(f"I0236{35 + digits:02d}LAD{36 + digits:02d}{35 + 2 * digits:02d}LOD")
     places = degrees_of(PROJECTION, positions)
-    for k, (place, altitude) in enumerate(
-        zip(
-            places,
-            altitudes,
-            strict=True,
-        )
-    ):
+    for k, (place, altitude) in enumerate(zip(places, altitudes, strict=True)):
         fields = more = ""
-        for degrees, width, letters in zip(
-            place,
-            (2, 3),
-            ("NS", "EW"),
-            strict=True,
-        ):
+        for degrees, width, letters in zip(place, (2, 3), ("NS", "EW"), strict=True):
             degree = 60_000 * 10**digits
             units = f"{round(abs(degrees) * degree) % degree:0{5 + digits}d}"
             fields += f"{int(abs(degrees)):0{width}d}{units[:5]}{letters[int(degrees < 0)]}"

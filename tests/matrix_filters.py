@@ -64,14 +64,7 @@ class MatrixFilter:
         self.innovation = np.full(2, np.nan) if z is None else z - self.x[[0, 2]]
         if z is not None:
             self.distance = self.innovation @ np.linalg.solve(self.Sigma, self.innovation)
-            self.x, self.P, more = correct(
-                self.x,
-                self.P,
-                z,
-                R,
-                self.rates,
-                self.freedom,
-            )
+            self.x, self.P, more = correct(self.x, self.P, z, R, self.rates, self.freedom)
             self.log_likelihood += more
 
 
@@ -214,14 +207,7 @@ class LiteralImm:
             F = turn_matrix(x, curvature, self.tau)
             x, P = F @ x, F @ P @ F.T + self.GQG
             if z is not None:
-                x, P, likelihood = correct(
-                    x,
-                    P,
-                    z,
-                    self.R,
-                    self.rates,
-                    self.freedom,
-                )
+                x, P, likelihood = correct(x, P, z, self.R, self.rates, self.freedom)
                 self.log_likelihood[j] = likelihood
             self.states[j], self.covariances[j] = x, P
         self.probability = prior * np.exp(self.log_likelihood)

@@ -63,14 +63,9 @@ def same_as_quickest(decider, seed, ticks=100, **options):
     modes = []
     decided = False
     for k in range(ticks):
-        now = tracker.update(
-            tuple(env.world.field("measurement")[0].tolist()),
-            env.options.tau * k,
-        )
+        now = tracker.update(tuple(env.world.field("measurement")[0].tolist()), env.options.tau * k)
         actions, state = decider.predict(
-            rows if observe is None else observe(env.world),
-            state,
-            start,
+            rows if observe is None else observe(env.world), state, start
         )
         start = np.zeros(1, np.bool_)
         assert tracker.world.observations.tobytes() == rows.tobytes()
@@ -81,15 +76,9 @@ def same_as_quickest(decider, seed, ticks=100, **options):
             actions[0],
             decided or changed or env.options.start == "known",
         )
-        np.testing.assert_array_equal(
-            now.probabilities,
-            np.exp(info["log_probability"][0]),
-        )
+        np.testing.assert_array_equal(now.probabilities, np.exp(info["log_probability"][0]))
         np.testing.assert_array_equal(now.estimate, info["estimate"][0])
-        np.testing.assert_array_equal(
-            now.covariance,
-            env.world.field("covariance")[0][SQUARE],
-        )
+        np.testing.assert_array_equal(now.covariance, env.world.field("covariance")[0][SQUARE])
         modes.append(now.mode)
         rows, *_, info = env.step(actions)
     return modes
@@ -103,10 +92,7 @@ def same_as_announced(decider, seed, **options):
     rows, info = env.reset(seed=seed)
     world, tau = env.world, env.options.tau
     tracker = OnlineTracker(env.options, copy.deepcopy(decider), gate=None)
-    tracker.begin(
-        info["anchor"][0],
-        world.field("covariance")[0][SQUARE],
-    )
+    tracker.begin(info["anchor"][0], world.field("covariance")[0][SQUARE])
     tracker.switch(int(world.field("length")[0]))
     state = None
     start = np.ones(1, np.bool_)
@@ -123,9 +109,7 @@ def same_as_announced(decider, seed, **options):
         start = np.zeros(1, np.bool_)
         assert tracker.world.observations.tobytes() == rows.tobytes()
         np.testing.assert_allclose(
-            now.probabilities,
-            special.softmax(info["log_likelihood"][0]),
-            rtol=1e-12,
+            now.probabilities, special.softmax(info["log_likelihood"][0]), rtol=1e-12
         )
         assert now.decided == bool(actions[0])
         if not now.decided or env.options.follow == "bank":
@@ -154,9 +138,7 @@ def same_as_announced(decider, seed, **options):
                 [*truth, ahead[:, 0:3:2]]
             )
             np.testing.assert_allclose(
-                (errors**2).sum(),
-                info["decided_squared_error"][0],
-                rtol=1e-12,
+                (errors**2).sum(), info["decided_squared_error"][0], rtol=1e-12
             )
             assert past[1].shape == (len(past[0]), 4, 4)
         truth = []
@@ -165,7 +147,4 @@ def same_as_announced(decider, seed, **options):
         tracker.switch(int(world.field("length")[0]))
         if not info["forced"][0]:
             np.testing.assert_array_equal(now.estimate, info["anchor"][0])
-            np.testing.assert_array_equal(
-                now.covariance,
-                world.field("covariance")[0][SQUARE],
-            )
+            np.testing.assert_array_equal(now.covariance, world.field("covariance")[0][SQUARE])

@@ -15,18 +15,8 @@ from scipy import linalg
 from hybrid_env.modes import Accelerate, LinearMode, Mode, Stop, Straight, Turn, TurnRate
 
 SCALES = {
-    "walker": {
-        "speed": 1.4,
-        "tau": 0.5,
-        "process_variance": 0.002,
-        "measurement_variance": 4.0,
-    },
-    "car": {
-        "speed": 15.0,
-        "tau": 0.1,
-        "process_variance": 0.01,
-        "measurement_variance": 1.0,
-    },
+    "walker": {"speed": 1.4, "tau": 0.5, "process_variance": 0.002, "measurement_variance": 4.0},
+    "car": {"speed": 15.0, "tau": 0.1, "process_variance": 0.01, "measurement_variance": 1.0},
     "aircraft": {
         "speed": 220.0,
         "tau": 4.0,

@@ -27,11 +27,7 @@ class Rounded(OwnNoise):
 def run_page():
     """Run the Python programs of the page, one after another, and return their names."""
     names = {}
-    programs = re.findall(
-        r"```python\n(.*?)```",
-        PAGE.read_text("utf-8"),
-        re.DOTALL,
-    )
+    programs = re.findall(r"```python\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
     for program in programs:
         exec(program, names)
     return names

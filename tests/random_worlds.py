@@ -104,11 +104,7 @@ def soak(options, tracks, ticks, seed):
             assert np.isfinite(env.world.hypothesis_values()).all()
             assert np.isfinite(env.world.field("estimate")).all()
             return done
-        actions = np.where(
-            generator.random(tracks) < rate,
-            generator.integers(0, count, tracks),
-            0,
-        )
+        actions = np.where(generator.random(tracks) < rate, generator.integers(0, count, tracks), 0)
         rows, rewards, terminated, _, info = env.step(actions)
         decided = info.get("_ticks", np.zeros(tracks, bool))
         expected = decided * np.where(info.get("correct", False), 1.0, -1.0) - cost

@@ -74,13 +74,7 @@ class Object:
 
 
 OBJECTS = {
-    "readme": Object(
-        2.0,
-        5.0,
-        0.1,
-        np.sqrt(0.1),
-        1e-4,
-    ),
+    "readme": Object(2.0, 5.0, 0.1, np.sqrt(0.1), 1e-4),
     "walker": Object(1.4, 10.0, 1.0, 1.0),
     "car": Object(20.0, 200.0, 1.0, 2.0),
     "aircraft": Object(250.0, 5000.0, 1.0, 10.0),

@@ -39,13 +39,7 @@ SMALL_STOPPING = (
     "worlds=[{n_envs: 8}, {n_envs: 2, env: HybridTrackPublishedBank-v0}]",
     "drawn_worlds=[{radii: 1, worlds: 1, n_envs: 2}]",
 )
-SMALL_RHYTHM = (
-    "n_envs=8",
-    "batch_size=8",
-    "n_steps=25",
-    "hidden=6",
-    "ticks=50",
-)
+SMALL_RHYTHM = ("n_envs=8", "batch_size=8", "n_steps=25", "hidden=6", "ticks=50")
 QUICK = {"ticks": 50, "durations": "uniform 5-20"}
 SCHEME = {"scheme": "random 2x20-30"}
 SMALL_Q = (
@@ -99,14 +93,7 @@ def small_run(kind, folder=None, steps=STEPS, seed=3):
         pytest.importorskip("sb3_contrib")
     recipe, env, options, changes = KINDS[kind]
     recipe = load_recipe(recipe, env, changes)
-    return make_run(
-        f"hybrid_env:{env}",
-        options,
-        recipe,
-        seed,
-        folder,
-        steps,
-    )
+    return make_run(f"hybrid_env:{env}", options, recipe, seed, folder, steps)
 
 
 def small_recipe(folder, kind="ppo"):
@@ -155,9 +142,4 @@ def main(kind, folder, steps, save_every):
 if __name__ == "__main__":
     torch.set_num_threads(1)
     log_often()
-    main(
-        sys.argv[1],
-        Path(sys.argv[2]),
-        int(sys.argv[3]),
-        float(sys.argv[4]),
-    )
+    main(sys.argv[1], Path(sys.argv[2]), int(sys.argv[3]), float(sys.argv[4]))

@@ -19,27 +19,15 @@ def test_the_bank_and_its_peer_compute_the_same_likelihoods():
     ours.anchor(START)
     generator = np.random.default_rng(5)
     for k in range(30):
-        z = np.array([0.0, 0.2 * (k + 1)]) + generator.normal(
-            0,
-            0.3,
-            2,
-        )
+        z = np.array([0.0, 0.2 * (k + 1)]) + generator.normal(0, 0.3, 2)
         ours.step(z)
         theirs.step(z)
 
-    np.testing.assert_allclose(
-        ours.log_likelihood,
-        theirs.log_likelihood,
-        rtol=1e-10,
-    )
+    np.testing.assert_allclose(ours.log_likelihood, theirs.log_likelihood, rtol=1e-10)
 
 
 def test_simulated_ticks_include_fast_forwarded_ones():
-    env = make_vector_env(
-        "hybrid_env:HybridTrackPublished-v0",
-        400,
-        tick_info=False,
-    )
+    env = make_vector_env("hybrid_env:HybridTrackPublished-v0", 400, tick_info=False)
     # A declaration in 25 at tick k of a segment of 75 runs 75 - k ticks more, k about 19 on
     # average: (1 + 56 / 25) a step, give or take a tenth for the segments' lengths and the start.
     for share, ticks in ((0.0, 1.0), (0.04, 3.2)):
@@ -48,21 +36,9 @@ def test_simulated_ticks_include_fast_forwarded_ones():
 
 
 def test_groups_are_printed_and_written(monkeypatch, capsys, tmp_path):
-    monkeypatch.setattr(
-        timing,
-        "REPETITIONS",
-        1,
-    )
-    monkeypatch.setattr(
-        timing,
-        "SECONDS",
-        1e-4,
-    )
-    monkeypatch.setattr(
-        timing,
-        "WHOLE_SECONDS",
-        0,
-    )
+    monkeypatch.setattr(timing, "REPETITIONS", 1)
+    monkeypatch.setattr(timing, "SECONDS", 1e-4)
+    monkeypatch.setattr(timing, "WHOLE_SECONDS", 0)
     main(["online", "bank", "gymnasium", "--out", str(tmp_path)])
     printed = capsys.readouterr().out
     rows = json.loads((tmp_path / "bench.json").read_text())["measurements"]

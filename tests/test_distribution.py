@@ -41,11 +41,7 @@ def test_the_wheel_has_the_three_packages_only():
 def test_the_version_is_that_of_the_distribution(monkeypatch, capsys):
     monkeypatch.setattr("sys.argv", ["hybridtrack", "--version"])
     # No command is loaded.
-    monkeypatch.setattr(
-        console.importlib,
-        "import_module",
-        None,
-    )
+    monkeypatch.setattr(console.importlib, "import_module", None)
 
     assert console.main() == 0
     assert capsys.readouterr().out == f"hybridtrack {console.metadata.version('hybrid-track')}\n"

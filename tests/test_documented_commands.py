@@ -21,9 +21,7 @@ LINES = {
     match[1]: page
     for page in PAGES
     for match in re.finditer(
-        r"^ *hybridtrack (\w+ .*)$",
-        page.read_text("utf-8").replace("\\\n", " "),
-        re.MULTILINE,
+        r"^ *hybridtrack (\w+ .*)$", page.read_text("utf-8").replace("\\\n", " "), re.MULTILINE
     )
     if not match[1].startswith("has ")
 }

@@ -9,11 +9,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-PROGRAM = re.search(
-    r"```python\n(.*?)```",
-    README,
-    re.DOTALL,
-)[1]
+PROGRAM = re.search(r"```python\n(.*?)```", README, re.DOTALL)[1]
 
 
 def rewards(text):
@@ -25,10 +21,7 @@ def rewards(text):
 # The example of the gallery runs whenever the site is built, and trains for fewer steps.
 @pytest.mark.parametrize(
     ("page", "steps"),
-    [
-        ("docs/start.md", "range(11)"),
-        ("docs/examples/example_03_train_and_watch.py", "range(5)"),
-    ],
+    [("docs/start.md", "range(11)"), ("docs/examples/example_03_train_and_watch.py", "range(5)")],
 )
 def test_start_page_and_gallery_show_the_program_of_the_readme(page, steps):
     program = PROGRAM.replace("range(11)", steps)

@@ -1,4 +1,4 @@
-"""The check of density and of the direction of imports, `tools.house`."""
+"""The check of the direction of imports, `tools.house`."""
 
 from pathlib import Path
 
@@ -31,12 +31,6 @@ def test_an_import_in_the_wrong_direction_is_a_problem(tmp_path, package, line):
     assert problem.startswith(f"{package}/a.py imports {line.split()[1]}")
 
 
-def test_dense_code_is_a_problem(tmp_path):
-    assert tree(tmp_path, tests__a="x = 1\n") == []
-    (problem,) = tree(tmp_path, tests__a="x = [1, 2]\n")
-    assert problem.startswith("tests has 8.00 nodes a line")
-
-
 @pytest.mark.parametrize("line", ["from agents.a import f", "from agents import g"])
 def test_a_study_that_imports_a_private_name_is_a_problem(tmp_path, line):
     (tmp_path / "agents").mkdir()
@@ -44,10 +38,6 @@ def test_a_study_that_imports_a_private_name_is_a_problem(tmp_path, line):
     allowed = {"studies__a": "from agents import f\n"}
 
     assert tree(tmp_path, **allowed) == []
-    (problem,) = tree(
-        tmp_path,
-        **allowed,
-        studies__b=f"{line}\n",
-    )
+    (problem,) = tree(tmp_path, **allowed, studies__b=f"{line}\n")
     assert problem.startswith("studies/b.py imports agents.")
     assert "not public" in problem

@@ -21,11 +21,7 @@ SOURCES = [
 ]
 
 
-@pytest.mark.parametrize(
-    "path",
-    SOURCES,
-    ids=lambda path: str(path.relative_to(ROOT)),
-)
+@pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(ROOT)))
 def test_a_file_imports_only_what_its_folder_may(path):
     package, folder, *_ = path.relative_to(ROOT).parts
     order = LAYERS.get(package, ())
@@ -42,8 +38,7 @@ def test_a_file_imports_only_what_its_folder_may(path):
 
 
 @pytest.mark.parametrize(
-    ("name", "file"),
-    [("instance_class", "banks/operations.py"), (".nb?", "compilation.py")],
+    ("name", "file"), [("instance_class", "banks/operations.py"), (".nb?", "compilation.py")]
 )
 def test_what_leans_on_names_inside_numba_stands_in_one_file(name, file):
     using = [path for path in SOURCES if name in path.read_text(encoding="utf-8")]

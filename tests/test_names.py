@@ -22,13 +22,7 @@ NAMES = [
 
 def python(code):
     command = [sys.executable, "-c", code]
-    return subprocess.run(
-        command,
-        cwd=ROOT,
-        check=True,
-        capture_output=True,
-        text=True,
-    ).stdout
+    return subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout
 
 
 @pytest.mark.parametrize("package", PACKAGES)
@@ -108,10 +102,6 @@ def test_a_missing_module_is_explained_by_its_extra(module, extra, monkeypatch):
     lines = [*project["dependencies"]]
     for name, wanted in project["optional-dependencies"].items():
         lines += [f'{requirement}; extra == "{name}"' for requirement in wanted]
-    monkeypatch.setattr(
-        extras.metadata,
-        "requires",
-        lambda distribution: lines,
-    )
+    monkeypatch.setattr(extras.metadata, "requires", lambda distribution: lines)
 
     assert extras.extra_of(module) == extra

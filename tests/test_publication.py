@@ -21,11 +21,7 @@ BODY = PAPER.split("---\n", 2)[2]
 def test_the_paper_has_its_references_and_the_length_that_the_journal_allows():
     assert 750 <= len(BODY.split()) < 1000
     assert all((ROOT / path).is_file() for path in re.findall(r"!\[.*\]\((.*?)\)", BODY))
-    entries = re.findall(
-        r"^@\w+\{(\w+),$",
-        BIBLIOGRAPHY,
-        re.MULTILINE,
-    )
+    entries = re.findall(r"^@\w+\{(\w+),$", BIBLIOGRAPHY, re.MULTILINE)
     assert sorted(set(re.findall(r"@(\w+)", BODY))) == sorted(entries)
 
 
@@ -37,11 +33,7 @@ def test_the_table_of_the_paper_is_that_of_the_readme():
 
 
 def test_workflows_run_targets_of_make_and_publish_without_a_secret():
-    targets = re.findall(
-        r"^(\w+):",
-        MAKEFILE,
-        re.MULTILINE,
-    )
+    targets = re.findall(r"^(\w+):", MAKEFILE, re.MULTILINE)
     texts = {
         path.name: path.read_text(encoding="utf-8")
         for path in (ROOT / ".github" / "workflows").glob("*.yml")

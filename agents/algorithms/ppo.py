@@ -24,9 +24,7 @@ class PPOSettings(A2CSettings):
         samples = self.n_envs * self.n_steps
         if samples % self.batch_size:
             raise reject(
-                "batch_size",
-                self.batch_size,
-                f"a divisor of n_envs x n_steps = {samples}",
+                "batch_size", self.batch_size, f"a divisor of n_envs x n_steps = {samples}"
             )
 
 

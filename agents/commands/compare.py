@@ -36,14 +36,7 @@ from agents.training.recipe import RECIPE_FILES, load_recipe, recipe_names
 from baselines.rules import seeds
 from baselines.rules.decider import Decider
 from baselines.scoring.scores import Scores
-from hybrid_env.checks import (
-    Count,
-    NotNegative,
-    Probability,
-    checked,
-    declared_fields,
-    reject,
-)
+from hybrid_env.checks import Count, NotNegative, Probability, checked, declared_fields, reject
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -268,13 +261,7 @@ class Compare(WorldArguments, TrustArguments, Workers):
         return Result(task, scores, index, name, selected, run_folder, is_learned(decider))
 
     def _train(
-        self,
-        recipe: Any,
-        seed: int,
-        title: str,
-        folder: Path | None,
-        report: Report,
-        whole: float,
+        self, recipe: Any, seed: int, title: str, folder: Path | None, report: Report, whole: float
     ) -> tuple[Decider, Path | None]:
         """Train an agent, or go on with its training; return it and its run folder. The training
         is this share of the whole call.

@@ -21,12 +21,7 @@ from rich.console import Console
 from rich.progress import Progress
 
 from agents.evaluation.episodes import episode_table, page_data, timeline
-from agents.evaluation.registry import (
-    ErrorArguments,
-    check_name,
-    find_decider,
-    load_decider,
-)
+from agents.evaluation.registry import ErrorArguments, check_name, find_decider, load_decider
 from agents.evaluation.task import Task, task_of
 from agents.figures.tracks import TrackRecord
 from agents.interface.help_texts import shown_default
@@ -52,13 +47,7 @@ class Episodes:
     threshold.
     """
 
-    def __init__(
-        self,
-        task: Task,
-        name: str,
-        decider: Any = None,
-        of_filters: bool = False,
-    ):
+    def __init__(self, task: Task, name: str, decider: Any = None, of_filters: bool = False):
         changes = dict((decider or find_decider(name, task.options)).options)
         if getattr(task.options, "actions", "all") == "types":
             # Deciders declare hypotheses.

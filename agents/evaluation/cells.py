@@ -38,23 +38,14 @@ def filled_table(
     for column, head in enumerate(heads):
         words = column < texts
         table.add_column(
-            head,
-            "",
-            justify="left" if words else "right",
-            overflow="fold",
-            no_wrap=not words,
+            head, "", justify="left" if words else "right", overflow="fold", no_wrap=not words
         )
     for row in rows:
         table.add_row(*row) if row else table.add_section()
     return table
 
 
-def estimate_cell(
-    estimate: Estimate,
-    scale: float,
-    digits: int,
-    sign: str = "",
-) -> str:
+def estimate_cell(estimate: Estimate, scale: float, digits: int, sign: str = "") -> str:
     """Return the value of an estimate, times `scale`, and below it the half width of its
     interval if it has one; words for a value that is not reached.
     """

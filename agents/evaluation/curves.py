@@ -23,11 +23,7 @@ Groups = Mapping[str, Sequence[Result]]
 
 
 def curves(
-    groups: Groups,
-    x: Statistic,
-    y: Statistic,
-    least_x: float = -np.inf,
-    least_y: float = -np.inf,
+    groups: Groups, x: Statistic, y: Statistic, least_x: float = -np.inf, least_y: float = -np.inf
 ) -> list[Curve]:
     """Return one curve for each name, of the points whose x is above a number; y is drawn as at
     least another number.

@@ -16,13 +16,7 @@ from agents.evaluation.task import task_with
 from baselines.rules import seeds
 from baselines.rules.rollout import rollout
 from hybrid_env.checks import FloatArray
-from hybrid_env.noises import (
-    GaussianNoise,
-    LevyNoise,
-    Noise,
-    OutlierNoise,
-    StudentNoise,
-)
+from hybrid_env.noises import GaussianNoise, LevyNoise, Noise, OutlierNoise, StudentNoise
 from hybrid_env.options import ModelOptions
 from hybrid_env.registration import make_track_vector_env
 
@@ -31,10 +25,7 @@ TRACKS, TICKS = 256, 100
 # Of the bins of the histogram.
 EDGES = np.concatenate([[0.0], np.geomspace(1.0, 1e12, 73), [np.inf]])
 LAWS: dict[type[Noise], tuple[tuple[tuple[float, ...], float, float], ...]] = {
-    OutlierNoise: (
-        ((0.01, 0.05, 0.2), 1e-3, 0.4),
-        ((3.0, 10.0, 50.0, 200.0), 1.5, 1e3),
-    ),
+    OutlierNoise: (((0.01, 0.05, 0.2), 1e-3, 0.4), ((3.0, 10.0, 50.0, 200.0), 1.5, 1e3)),
     StudentNoise: (((1.5, 3.0, 10.0), 1.0, 100.0),),
     LevyNoise: (
         ((0.8, 1.2, 1.6), 0.5, 1.99),
@@ -87,12 +78,7 @@ def _likeliest(kind: type[Noise], surprise: Callable[[Noise], float]) -> tuple[f
         simplex[0],
         method="Nelder-Mead",
         bounds=[*zip(np.log(low), np.log(high), strict=True)],
-        options={
-            "maxfev": 60,
-            "initial_simplex": simplex,
-            "xatol": 0.02,
-            "fatol": 1.0,
-        },
+        options={"maxfev": 60, "initial_simplex": simplex, "xatol": 0.02, "fatol": 1.0},
     )
     return float(best.fun), law_of(best.x)
 

@@ -65,9 +65,7 @@ def choosing_decider(decider: Decider, options: ModelOptions, ending: str) -> De
 
     attributes = {"title": name, "symbol": "", "thresholds": (0.0,), "default": 0.0}
     return decider.changed(
-        **attributes,
-        threshold=0.0,
-        at=lambda _: decider.at(chosen()).changed(**attributes),
+        **attributes, threshold=0.0, at=lambda _: decider.at(chosen()).changed(**attributes)
     )
 
 
@@ -115,8 +113,7 @@ def _holding(task: Task, decider: Decider, scores: Scores, rate: float) -> float
         unit = task.rate_unit
         at_best = f"{rates[best]:.3g}{unit} at best, with {decider.symbol} {thresholds[best]:g}"
         warnings.warn(
-            f"{decider.title} cannot hold a rate of {rate:g}{unit}: {at_best}",
-            stacklevel=2,
+            f"{decider.title} cannot hold a rate of {rate:g}{unit}: {at_best}", stacklevel=2
         )
         return float(thresholds[best])
     first = int(held[scores.curve(task.statistic(task.delay))[held].argmin()])

@@ -15,12 +15,7 @@ import numpy as np
 
 from baselines.rules import seeds
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, Decider, rules
-from baselines.rules.rollout import (
-    batch_size,
-    evaluate,
-    record_in,
-    statement_env,
-)
+from baselines.rules.rollout import batch_size, evaluate, record_in, statement_env
 from baselines.scoring import decisions, statements
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import Scores, Statistic, at_level, interpolated, mean

@@ -42,9 +42,7 @@ class Workers:
         return joblib.cpu_count() if self.jobs is None else self.jobs
 
     def results(
-        self,
-        calls: Mapping[Name, Call],
-        on_done: Callable[[Name], None] = lambda name: None,
+        self, calls: Mapping[Name, Call], on_done: Callable[[Name], None] = lambda name: None
     ) -> Iterator[tuple[Name, Any]]:
         """Return the names and results of calls, in the order of the calls.
 
@@ -110,10 +108,7 @@ def _ray(calls: Mapping[Name, Call], jobs: int) -> Iterator[tuple[Name, Any]]:
         # Without RAY_ADDRESS a cluster with one worker per job is started on this machine.
         local: dict[str, Any] = {} if os.environ.get("RAY_ADDRESS") else {"num_cpus": jobs}
         ray.init(
-            log_to_driver=False,
-            runtime_env={"env_vars": threads},
-            logging_level="error",
-            **local,
+            log_to_driver=False, runtime_env={"env_vars": threads}, logging_level="error", **local
         )
     task = ray.remote(max_retries=LARGEST_RETRIES, num_cpus=1)(_in_worker)
     running = [task.remote(*call, trusted()) for call in calls.items()]

@@ -56,9 +56,7 @@ class TimeLeft(ProgressColumn):
 
 
 def progress_display(
-    console: Console,
-    transient: bool = False,
-    clock: Callable[[], float] = time.monotonic,
+    console: Console, transient: bool = False, clock: Callable[[], float] = time.monotonic
 ) -> Progress:
     """A live progress display; outside a terminal, a line on the standard error stream at once and
     every ten seconds.

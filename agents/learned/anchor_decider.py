@@ -24,11 +24,7 @@ from agents.learned.anchor_inputs import (
 )
 from agents.learned.anchor_net import AnchorNet, AnchorNetworks
 from agents.learned.torch_defaults import NetworkDecider
-from baselines.rules.component_filters import (
-    Anchors,
-    ComponentFilters,
-    stated_anchors,
-)
+from baselines.rules.component_filters import Anchors, ComponentFilters, stated_anchors
 from baselines.rules.decider import Actions, Observations
 from baselines.rules.measurements import observe_sensed, split_sensed
 from baselines.rules.msprt import error_and_best
@@ -175,10 +171,7 @@ class AnchorDecider(NetworkDecider):
         return observe_sensed(tracks)
 
     def posterior(
-        self,
-        observation: Observations,
-        state: AnchorState | None,
-        episode_start: Any,
+        self, observation: Observations, state: AnchorState | None, episode_start: Any
     ) -> tuple[FloatArray, AnchorState]:
         """Return the posterior of the hypotheses (N, M) after one tick, and the state."""
         rows, sensed = split_sensed(self.layout, np.asarray(observation))
@@ -188,10 +181,7 @@ class AnchorDecider(NetworkDecider):
 
     @torch.no_grad()
     def odds(
-        self,
-        observation: Observations,
-        state: AnchorState | None,
-        episode_start: Any,
+        self, observation: Observations, state: AnchorState | None, episode_start: Any
     ) -> tuple[Odds, AnchorState]:
         """Return the log-odds of declaring after one tick, and the state."""
         posterior, state = self.posterior(observation, state, episode_start)
@@ -215,10 +205,7 @@ class AnchorDecider(NetworkDecider):
         return Odds(inputs, logits, posterior, best, ratios), state
 
     def decide(
-        self,
-        observation: Observations,
-        state: Any,
-        episode_start: Any,
+        self, observation: Observations, state: Any, episode_start: Any
     ) -> tuple[Actions, Any]:
         """See `Decider.decide`."""
         odds, state = self.odds(observation, state, episode_start)
@@ -257,10 +244,7 @@ class AnchorDecider(NetworkDecider):
         return self.log_odds_panel(60.0, 20.0, "single")
 
     def evidence(
-        self,
-        observation: Observations,
-        state: Any = None,
-        episode_start: Any = None,
+        self, observation: Observations, state: Any = None, episode_start: Any = None
     ) -> FloatArray:
         """Return the log-odds of declaring against waiting, the same for each hypothesis, (N,
         M).

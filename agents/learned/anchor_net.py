@@ -36,10 +36,7 @@ class AnchorNet(nn.Module):
     def __init__(self, hidden: int):
         super().__init__()
         self.layers = nn.Sequential(
-            nn.Linear(self.inputs, hidden),
-            nn.Tanh(),
-            nn.Linear(hidden, hidden),
-            nn.Tanh(),
+            nn.Linear(self.inputs, hidden), nn.Tanh(), nn.Linear(hidden, hidden), nn.Tanh()
         )
         # Weight, mean, scales and correlations of a component.
         numbers = 1 + 4 + 4 + 6
@@ -81,9 +78,7 @@ class AnchorNet(nn.Module):
 
     @torch.no_grad()
     def anchors(
-        self,
-        inputs: Float32Array,
-        whitener: FloatArray,
+        self, inputs: Float32Array, whitener: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return log weights (n, C), mean errors (n, C, 4) and covariances (n, C, 4, 4) in the
         heading frame.
@@ -143,10 +138,7 @@ class StoppingNet(nn.Module):
     def __init__(self, hidden: int):
         super().__init__()
         self.layers = nn.Sequential(
-            nn.Linear(31, hidden),
-            nn.SiLU(),
-            nn.Linear(hidden, hidden),
-            nn.SiLU(),
+            nn.Linear(31, hidden), nn.SiLU(), nn.Linear(hidden, hidden), nn.SiLU()
         )
         self.output = zero_layer(hidden, 1)
 

@@ -43,9 +43,7 @@ def exchanged_decider(path: Path, options: Any) -> Decider:
         raise ArgumentError(f"{path.name}: {error}") from error
     except Exception as error:
         raise reject(
-            "decider",
-            str(path),
-            f"a policy that can be read ({first_line(error)})",
+            "decider", str(path), f"a policy that can be read ({first_line(error)})"
         ) from error
     return decider
 

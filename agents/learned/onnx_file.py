@@ -85,8 +85,7 @@ def _limit_memory() -> None:
     kinds = onnxruntime.OrtAllocatorType.ORT_ARENA_ALLOCATOR, onnxruntime.OrtMemType.DEFAULT
     limits = onnxruntime.OrtArenaCfg({"max_mem": LARGEST_INNER, "arena_extend_strategy": 1})
     onnxruntime.create_and_register_allocator(
-        onnxruntime.OrtMemoryInfo("Cpu", kinds[0], 0, kinds[1]),
-        limits,
+        onnxruntime.OrtMemoryInfo("Cpu", kinds[0], 0, kinds[1]), limits
     )
 
 
@@ -165,9 +164,7 @@ def _check_calls(session: Any) -> tuple[int, ...]:
         stop.start()
         try:
             values = session.run(
-                [out.name],
-                {given[0].name: np.zeros((count, width), np.float32)},
-                running,
+                [out.name], {given[0].name: np.zeros((count, width), np.float32)}, running
             )[0]
         finally:
             stop.cancel()

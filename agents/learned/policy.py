@@ -36,10 +36,7 @@ class ObservationFeatures(BaseFeaturesExtractor):
     """
 
     def __init__(
-        self,
-        observation_space: spaces.Box,
-        observe: tuple[str, ...],
-        layout: type[Layout] = Layout,
+        self, observation_space: spaces.Box, observe: tuple[str, ...], layout: type[Layout] = Layout
     ):
         rows = layout.of_width(observation_space.shape[0])
         posterior = "posterior"
@@ -202,10 +199,7 @@ class ActorDecider(NetworkDecider):
 
     @torch.no_grad()
     def logits(
-        self,
-        rows: Observations,
-        state: Any = None,
-        episode_start: Any = None,
+        self, rows: Observations, state: Any = None, episode_start: Any = None
     ) -> tuple[FloatArray, Any]:
         """Return logits (N, actions) and the state of the actor."""
         logits, state = self.actor(torch.as_tensor(rows), state, episode_start)
@@ -271,10 +265,7 @@ class PolicyDecider(ActorDecider):
         return self.log_odds_panel(15.0, 5.0, "single" if self.actor.actions == 2 else "hypothesis")
 
     def evidence(
-        self,
-        observation: Observations,
-        state: Any = None,
-        episode_start: Any = None,
+        self, observation: Observations, state: Any = None, episode_start: Any = None
     ) -> FloatArray:
         """Return the log-odds of declaring each hypothesis against waiting, (N, M)."""
         logits = self.logits(observation, state, episode_start)[0]
@@ -307,10 +298,7 @@ class StatementPolicyDecider(ActorDecider):
         return probability_panel("policy")
 
     def evidence(
-        self,
-        observation: Observations,
-        state: Any = None,
-        episode_start: Any = None,
+        self, observation: Observations, state: Any = None, episode_start: Any = None
     ) -> FloatArray:
         """Return the probabilities of the modes by the policy, (N, M)."""
         return np.asarray(softmax(self.logits(observation, state, episode_start)[0], axis=-1))

@@ -41,10 +41,7 @@ def package_versions() -> dict[str, str]:
 
 
 def save_policy(
-    folder: Path,
-    weights: Mapping[str, Tensor],
-    card: Mapping[str, Any],
-    task: str,
+    folder: Path, weights: Mapping[str, Tensor], card: Mapping[str, Any], task: str
 ) -> None:
     """Write weights and card atomically, with the scales of the observation rows of the task, if
     it has rows.

@@ -77,11 +77,7 @@ class UtilityDecider(NetworkDecider):
         return StatementNet(hidden, cls.inputs)
 
     def largest(
-        self,
-        utility: FloatArray,
-        stay: FloatArray,
-        stated: Actions,
-        started: BoolArray,
+        self, utility: FloatArray, stay: FloatArray, stated: Actions, started: BoolArray
     ) -> Actions:
         """Return the statements of N tracks, (N,).
 
@@ -151,10 +147,7 @@ class StatementDecider(UtilityDecider):
 
     @torch.no_grad()
     def decide(
-        self,
-        observation: Observations,
-        state: StatementState | None,
-        episode_start: Any,
+        self, observation: Observations, state: StatementState | None, episode_start: Any
     ) -> tuple[Actions, StatementState]:
         """See `Decider.decide`; action i states mode i."""
         observation = np.asarray(observation)
@@ -178,10 +171,7 @@ class StatementDecider(UtilityDecider):
         return statements, replace(state, memory=outputs.memory)
 
     def features(
-        self,
-        observation: AnyArray,
-        state: StatementState,
-        episode_start: Any,
+        self, observation: AnyArray, state: StatementState, episode_start: Any
     ) -> tuple[tuple[Any, ...], Float32Array, StatementState]:
         """Return the arguments of `statement_inputs`, the log-probabilities (N, M) that the network
         corrects, and the state with the network's memory of the last tick.
@@ -204,10 +194,7 @@ class StatementDecider(UtilityDecider):
         return features, log_probability.astype(np.float32), state
 
     def evidence(
-        self,
-        observation: Any,
-        state: Any = None,
-        episode_start: Any = None,
+        self, observation: Any, state: Any = None, episode_start: Any = None
     ) -> FloatArray:
         """Return the posterior of the bank or of the beam, (N, M)."""
         if self.beam is None:

@@ -26,10 +26,7 @@ GAIN = 3.0
 
 
 def statement_inputs(
-    world: QuickestOptions,
-    rows: Float32Array,
-    ages: IntArray,
-    more: Float32Array | None = None,
+    world: QuickestOptions, rows: Float32Array, ages: IntArray, more: Float32Array | None = None
 ) -> Float32Array:
     """Return the inputs of each of the M - 1 turn hypotheses, (..., M - 1, 26 + 3 k).
 
@@ -60,10 +57,7 @@ def statement_inputs(
 
 
 def _hypothesis_inputs(
-    layout: QuickestLayout,
-    rows: Float32Array,
-    logs: Float32Array,
-    ages: IntArray,
+    layout: QuickestLayout, rows: Float32Array, logs: Float32Array, ages: IntArray
 ) -> Float32Array:
     """Return the inputs of all hypotheses, (..., M, 8), with innovations that are not mirrored."""
 
@@ -90,11 +84,7 @@ def _hypothesis_inputs(
 
 
 def turn_views(
-    each: Float32Array,
-    logs: Float32Array,
-    side: Float32Array,
-    odd: tuple[int, ...],
-    more: int,
+    each: Float32Array, logs: Float32Array, side: Float32Array, odd: tuple[int, ...], more: int
 ) -> Float32Array:
     """Return what each turn hypothesis sees: straight motion, itself, the other turns, (..., M -
     1, 3 n + more).
@@ -183,10 +173,7 @@ class StatementNet(nn.Module):
         self.scale = nn.Parameter(torch.ones(1))
 
     def forward(
-        self,
-        inputs: Tensor,
-        log_probability: Tensor,
-        memory: Tensor | None = None,
+        self, inputs: Tensor, log_probability: Tensor, memory: Tensor | None = None
     ) -> StatementOutputs:
         """Process T ticks of N tracks.
 

@@ -96,11 +96,7 @@ def _draw_ground(axes: Any, tracked: TrackedRecording) -> None:
     draw_forecast(axes, *forecast_at_end(tracked))
     axes.set_aspect("equal", adjustable="datalim")
     axes.autoscale_view()
-    axes.set(
-        title=f"{recording.name}: decided pieces",
-        xlabel=f"x [{unit}]",
-        ylabel=f"y [{unit}]",
-    )
+    axes.set(title=f"{recording.name}: decided pieces", xlabel=f"x [{unit}]", ylabel=f"y [{unit}]")
     axes.grid(alpha=0.25)
 
 
@@ -113,15 +109,7 @@ def draw_forecast(axes: Any, means: FloatArray, covariances: FloatArray) -> None
         variances, vectors = np.linalg.eigh(covariance)
         width, height = 2.0 * np.sqrt(-2.0 * math.log(0.05) * variances.clip(0.0))
         angle = math.degrees(math.atan2(vectors[1, 0], vectors[0, 0]))
-        ellipse = Ellipse(
-            mean,
-            width,
-            height,
-            angle=angle,
-            fill=False,
-            color="black",
-            label=label,
-        )
+        ellipse = Ellipse(mean, width, height, angle=angle, fill=False, color="black", label=label)
         # A wide one does not change what is shown.
         axes.add_artist(ellipse)
         # The legend names the first one.

@@ -409,18 +409,12 @@ class TrackingArguments(ErrorArguments):
             raise
         x, y = (0.0, 0.0) if grid.radar is None else grid.radar.position
         return OnlineTracker(
-            world,
-            load_decider(name, world),
-            scales=model.scales,
-            origin=(x, 0.0, y, 0.0),
+            world, load_decider(name, world), scales=model.scales, origin=(x, 0.0, y, 0.0)
         )
 
 
 def track_recording(
-    times: ArrayLike | None,
-    positions: ArrayLike,
-    radar: Radar | None = None,
-    **options: Any,
+    times: ArrayLike | None, positions: ArrayLike, radar: Radar | None = None, **options: Any
 ) -> TrackedRecording:
     """Decide between straight motion, left and right turns and stops, or other modes, on positions,
     as `hybridtrack track` does.

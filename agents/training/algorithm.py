@@ -164,11 +164,7 @@ class Algorithm(ABC):
         """Make the remaining steps; call `between_updates` before every rollout."""
 
     @torch_defaults()
-    def train(
-        self,
-        on_progress: OnRound = None,
-        save_every: float = 10.0,
-    ) -> None:
+    def train(self, on_progress: OnRound = None, save_every: float = 10.0) -> None:
         """Train for the remaining steps, with a checkpoint every `save_every` seconds.
 
         Raises:
@@ -221,11 +217,7 @@ class Algorithm(ABC):
     def evaluate(self) -> None:
         """Add a point of the learning curve to the metrics."""
         assert self.folder is not None
-        self.last_evaluation = self.curve.evaluate(
-            self.agent(""),
-            self.num_timesteps,
-            self.seconds,
-        )
+        self.last_evaluation = self.curve.evaluate(self.agent(""), self.num_timesteps, self.seconds)
         run_folder.append_metrics(self.folder, self.num_timesteps, self.last_evaluation)
         self.last_evaluation["steps"] = self.num_timesteps
 

@@ -70,9 +70,7 @@ def change_probabilities(utility: Tensor, stay: Tensor) -> Tensor:
 
 
 def expected_reward(
-    outputs: StatementOutputs,
-    batch: StatementBatch,
-    last: Tensor | None,
+    outputs: StatementOutputs, batch: StatementBatch, last: Tensor | None
 ) -> tuple[Tensor, Tensor]:
     """Return the expected mean reward of a tick (N,), and the probabilities of the last
     statement (N, M).

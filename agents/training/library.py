@@ -80,10 +80,7 @@ class RunWriter(TensorBoardOutputFormat):
         self._is_closed = False
 
     def write(
-        self,
-        key_values: dict[str, Any],
-        key_excluded: dict[str, tuple[str, ...]],
-        step: int = 0,
+        self, key_values: dict[str, Any], key_excluded: dict[str, tuple[str, ...]], step: int = 0
     ) -> None:
         """Write the values of an update."""
         values = plain_values(key_values)
@@ -325,10 +322,7 @@ class LibraryAlgorithm(Algorithm):
         interval = 1 if self.buffer is None else 500
         try:
             model.learn(
-                self.steps - self.num_timesteps,
-                callback,
-                interval,
-                reset_num_timesteps=False,
+                self.steps - self.num_timesteps, callback, interval, reset_num_timesteps=False
             )
             self.num_timesteps = model.num_timesteps
         except ArgumentError:

@@ -57,10 +57,7 @@ def recipe_names() -> list[str]:
 
 
 def load_recipe(
-    name: str,
-    env_id: str,
-    changes: Sequence[str] = (),
-    own_modes: bool = False,
+    name: str, env_id: str, changes: Sequence[str] = (), own_modes: bool = False
 ) -> Recipe:
     """Read a recipe.
 

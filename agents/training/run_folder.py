@@ -50,9 +50,7 @@ def lock(folder: Path) -> Iterator[None]:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 raise reject(
-                    "run",
-                    str(folder),
-                    "a run folder in which no other training runs",
+                    "run", str(folder), "a run folder in which no other training runs"
                 ) from None
             except OSError:
                 # The file system has no locks.

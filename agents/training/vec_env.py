@@ -14,9 +14,7 @@ from hybrid_env.registration import make_track_vector_env
 
 
 def as_vec_env(
-    env_id: str = "hybrid_env:HybridTrack-v0",
-    num_envs: int = 64,
-    **options: Any,
+    env_id: str = "hybrid_env:HybridTrack-v0", num_envs: int = 64, **options: Any
 ) -> "HybridTrackVecEnv":
     """Return N tracks of a registered id as a VecEnv of Stable-Baselines3, stepped in one call.
 
@@ -42,19 +40,9 @@ class HybridTrackVecEnv(VecEnv):
     of the statistics.
     """
 
-    def __init__(
-        self,
-        env_id: str,
-        num_envs: int,
-        reward_scale: float = 1.0,
-        **options: Any,
-    ):
+    def __init__(self, env_id: str, num_envs: int, reward_scale: float = 1.0, **options: Any):
         self.env = make_track_vector_env(
-            env_id,
-            num_envs,
-            autoreset_mode=AutoresetMode.SAME_STEP,
-            tick_info=False,
-            **options,
+            env_id, num_envs, autoreset_mode=AutoresetMode.SAME_STEP, tick_info=False, **options
         )
         self.render_mode, self.reward_scale = None, reward_scale
         super().__init__(num_envs, self.env.single_observation_space, self.env.single_action_space)
@@ -73,9 +61,7 @@ class HybridTrackVecEnv(VecEnv):
         """Set the actions (N,) of the next `step_wait`."""
         self._actions = actions
 
-    def step_wait(
-        self,
-    ) -> tuple[Float32Array, Float32Array, BoolArray, list[dict[str, Any]]]:
+    def step_wait(self) -> tuple[Float32Array, Float32Array, BoolArray, list[dict[str, Any]]]:
         """Step all tracks. Terminated tracks are reset and return the first row of the next
         episode.
         """

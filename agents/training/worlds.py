@@ -172,10 +172,7 @@ class Explorer(Decider):
         self.seen: list[Seen] = []
 
     def decide(
-        self,
-        observation: Observations,
-        state: Any,
-        episode_start: Any,
+        self, observation: Observations, state: Any, episode_start: Any
     ) -> tuple[Actions, Any]:
         """See `Decider.decide`. The state is that of the agent, and the thresholds (N,)."""
         inner, margin = state or (None, np.zeros(len(observation)))

@@ -27,9 +27,7 @@ Factors = tuple[FloatArray, FloatArray, FloatArray]
 
 
 def gaussian_factors(
-    innovation: FloatArray,
-    predicted: FloatArray,
-    variance: FloatArray,
+    innovation: FloatArray, predicted: FloatArray, variance: FloatArray
 ) -> Factors:
     """Return the factors of the Kalman filter, see `Robust.factors`."""
     total = predicted + variance
@@ -42,10 +40,7 @@ class Robust(Protocol):
     """A robust correction."""
 
     def factors(
-        self,
-        innovation: FloatArray,
-        predicted: FloatArray,
-        variance: FloatArray,
+        self, innovation: FloatArray, predicted: FloatArray, variance: FloatArray
     ) -> Factors:
         """Return the factors for innovations y (B,) [m] of variances predicted m and measured r,
         (B,) [m^2].
@@ -65,10 +60,7 @@ class Huber(Checked):
     threshold: Positive = 1.345
 
     def factors(
-        self,
-        innovation: FloatArray,
-        predicted: FloatArray,
-        variance: FloatArray,
+        self, innovation: FloatArray, predicted: FloatArray, variance: FloatArray
     ) -> Factors:
         """See `Robust.factors`."""
         total = predicted + variance
@@ -116,10 +108,7 @@ class StudentT(Checked):
         object.__setattr__(self, "_quadrature", (np.exp(-logs), shares))
 
     def factors(
-        self,
-        innovation: FloatArray,
-        predicted: FloatArray,
-        variance: FloatArray,
+        self, innovation: FloatArray, predicted: FloatArray, variance: FloatArray
     ) -> Factors:
         """See `Robust.factors`."""
         inverse_weights, log_shares = vars(self)["_quadrature"]

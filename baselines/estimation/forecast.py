@@ -60,10 +60,7 @@ def check_times(seconds: ArrayLike) -> FloatArray:
 
 
 def forecast_turns(
-    weights: FloatArray,
-    turns: list[Moments],
-    model: Any,
-    seconds: ArrayLike,
+    weights: FloatArray, turns: list[Moments], model: Any, seconds: ArrayLike
 ) -> Moments:
     """Return means (k, 2) and covariances (k, 2, 2) of the position after k times. weights: (m,) of
     m modes of motion, whose states (7,) and covariances (7, 7) are those of `turns`.

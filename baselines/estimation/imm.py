@@ -15,11 +15,7 @@ from baselines.estimation.track_filter import TrackFilter
 from hybrid_env.checks import FloatArray, Moments, check_array, reject
 
 
-def mixture(
-    state: FloatArray,
-    covariance: FloatArray,
-    weights: FloatArray,
-) -> Moments:
+def mixture(state: FloatArray, covariance: FloatArray, weights: FloatArray) -> Moments:
     """Return mean and covariance of C mixtures, (B, C, n) and (B, C, n, n), of the same K normal
     distributions, (B, K, n) and (B, K, n, n), with weights (B, C, K).
     """
@@ -105,10 +101,7 @@ class IMMFilter(TrackFilter):
         self._no_measurement()
 
     def begin_from(
-        self,
-        state: ArrayLike,
-        covariance: ArrayLike,
-        probabilities: ArrayLike | None = None,
+        self, state: ArrayLike, covariance: ArrayLike, probabilities: ArrayLike | None = None
     ) -> None:
         """Forget everything and begin all tracks with estimates (B, n), or (B, M, n) of the models
         as `estimates`, and their covariances (n, n), (B, n, n) or (B, M, n, n).

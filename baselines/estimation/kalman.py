@@ -107,20 +107,12 @@ class KalmanFilter(TrackFilter):
             raise reject("start_deviations", None, allowed)
         noises = np.broadcast_to(noise, (self.tracks, self.axes, self.axes))
         self.state[chosen], self.covariance[chosen] = resized(
-            measurement[chosen],
-            noises[chosen],
-            self.axes,
-            self.order,
-            self.start_variances,
+            measurement[chosen], noises[chosen], self.axes, self.order, self.start_variances
         )
 
 
 def resized(
-    state: FloatArray,
-    covariance: FloatArray,
-    axes: int,
-    order: int,
-    variances: FloatArray | None,
+    state: FloatArray, covariance: FloatArray, axes: int, order: int, variances: FloatArray | None
 ) -> Moments:
     """Return estimates (B, d m) and covariances with another number of values per axis, `order`.
     Derivatives that are left out are marginalized; new ones have the variances (order - 1,),
@@ -143,10 +135,7 @@ def resized(
 
 
 def propagate(
-    model: MotionModel,
-    state: FloatArray,
-    covariance: FloatArray,
-    dt: float | FloatArray,
+    model: MotionModel, state: FloatArray, covariance: FloatArray, dt: float | FloatArray
 ) -> Moments:
     """Return predicted estimates (..., n) and covariances F P F' + Q, (..., n, n), after a time
     step [s], one number or (...).

@@ -18,10 +18,7 @@ from hybrid_env.checks import Checked, Count, FloatArray, check_array, dimension
 
 
 def check_per_item(
-    name: str,
-    value: float | ArrayLike,
-    count: int,
-    smallest: float = 0.0,
+    name: str, value: float | ArrayLike, count: int, smallest: float = 0.0
 ) -> FloatArray:
     """Return checked values >= `smallest`, (count,), of one number for all or of an array with
     one for each.

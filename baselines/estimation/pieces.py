@@ -83,11 +83,7 @@ class Memory(NamedTuple):
 
 @internal
 def _begin(
-    x: FloatArray,
-    P: FloatArray,
-    curvature: float,
-    acceleration: float,
-    speed: float,
+    x: FloatArray, P: FloatArray, curvature: float, acceleration: float, speed: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Begin a segment at the estimate of the one before.
 

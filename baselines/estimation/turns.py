@@ -65,9 +65,7 @@ def turn_matrix(rate: float, seconds: float) -> FloatArray:
 
 @internal
 def predict_turn(
-    state: FloatArray,
-    covariance: FloatArray,
-    seconds: float,
+    state: FloatArray, covariance: FloatArray, seconds: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return state (7,) and covariance (7, 7) after a time without noise: the mean of the linear
     motions at the nodes of the turn rate, whose weights integrate polynomials up to the fifth
@@ -142,10 +140,7 @@ def _advance(
 
 
 def begin_turn(
-    estimate: FloatArray,
-    covariance: FloatArray,
-    curvature: float,
-    deviation: float,
+    estimate: FloatArray, covariance: FloatArray, curvature: float, deviation: float
 ) -> Moments:
     """Return state (7,) and covariance (7, 7) of an object that begins to turn.
 
@@ -177,13 +172,7 @@ def begin_standing(estimate: FloatArray, covariance: FloatArray) -> Moments:
 
 
 @internal
-def speed_of(
-    vx: float,
-    vy: float,
-    xx: float,
-    xy: float,
-    yy: float,
-) -> tuple[float, float]:
+def speed_of(vx: float, vy: float, xx: float, xy: float, yy: float) -> tuple[float, float]:
     """Return the speed of a velocity and its deviation, from the covariance of the velocity."""
     square = vx * vx + vy * vy
     if square == 0.0:
@@ -249,12 +238,7 @@ class TurnFilter(OwnState):
         """Return copies of state (7,) and covariance (7, 7) of a turn."""
         return self.states[turn].copy(), self.covariances[turn].copy()
 
-    def step(
-        self,
-        positions: ArrayLike,
-        noises: ArrayLike,
-        only: int | None = None,
-    ) -> None:
+    def step(self, positions: ArrayLike, noises: ArrayLike, only: int | None = None) -> None:
         """Advance all turns or one of them by a tick with measured positions, (B, 2) or (2,) [m],
         NaN without one, and their covariances xx, xy, yy, (B, 3) or (3,) [m^2].
         """

@@ -81,21 +81,14 @@ class GivenTracks(OwnState):
     """
 
     def __init__(
-        self,
-        travel: Travel,
-        options: QuickestOptions,
-        tracks: int,
-        likeliest: bool = False,
+        self, travel: Travel, options: QuickestOptions, tracks: int, likeliest: bool = False
     ):
         self.travel = travel
         self.options = options
         self.num_envs = tracks
         factors = LikeliestNoise.factors if likeliest else (1.0,)
         self.banks = [
-            LiveTracks(
-                replace(options, process_variance=factor * options.process_variance),
-                tracks,
-            )
+            LiveTracks(replace(options, process_variance=factor * options.process_variance), tracks)
             for factor in factors
         ]
         self.world = self.banks[factors.index(1.0)].world
@@ -121,10 +114,7 @@ class GivenTracks(OwnState):
         rows = np.stack([bank.world.take_rows() for bank in self.banks])
         return rows[0] if len(rows) == 1 else self._chooser.choose(rows)
 
-    def step(
-        self,
-        actions: Actions,
-    ) -> tuple[Observations, FloatArray, BoolArray, BoolArray, Info]:
+    def step(self, actions: Actions) -> tuple[Observations, FloatArray, BoolArray, BoolArray, Info]:
         """Go on to the next positions after statements (N,); after the last ones the episodes
         end.
         """

@@ -73,13 +73,7 @@ class Pass(NamedTuple):
 
 @internal
 def _begin(
-    bank: Any,
-    block: Any,
-    lane: int,
-    first: FloatArray,
-    ticks: int,
-    turn: float,
-    model: FilterModel,
+    bank: Any, block: Any, lane: int, first: FloatArray, ticks: int, turn: float, model: FilterModel
 ) -> None:
     """Start the filters of a lane from two measurements some ticks apart, of which (2, LANES) is
     the first one. The variance of the velocity, that of the chord, has their noise, the process
@@ -105,11 +99,7 @@ def _begin(
 
 @compiled
 def imm_pass(
-    chunks: Chunks,
-    bank: Any,
-    radii: FloatArray,
-    model: FilterModel,
-    output: Pass,
+    chunks: Chunks, bank: Any, radii: FloatArray, model: FilterModel, output: Pass
 ) -> float:
     """Run the bank over all chunks; return the logarithm of the likelihood. The bank, of one block,
     and the output are overwritten; no radii (n,) is a bank of straight motion.
@@ -180,11 +170,7 @@ def run_pass(chunks: Chunks, track: "TrackModel") -> Pass:
 
 
 def grid_chunks(
-    grid: TickGrid,
-    scale: float,
-    lengths: Sequence[int],
-    longest: int,
-    most: float = math.inf,
+    grid: TickGrid, scale: float, lengths: Sequence[int], longest: int, most: float = math.inf
 ) -> tuple[Chunks, list[tuple[int, int, int]]]:
     """Return chunks of a recording of at most about `longest` ticks, and piece, first tick and end
     of each; if they have more than `most` ticks, some of them, evenly spread. With lengths, ticks
@@ -308,10 +294,7 @@ class TrackModel:
         )
 
     def run(
-        self,
-        grid: TickGrid,
-        lengths: Sequence[int],
-        longest: int,
+        self, grid: TickGrid, lengths: Sequence[int], longest: int
     ) -> tuple[Pass, list[tuple[int, int, int]]]:
         """Run the bank over a recording, see `grid_chunks`; innovations are in standard deviations,
         and the likelihood is in units of the recording.
@@ -372,10 +355,7 @@ class TrackModel:
         }
 
     def unknown_switches(
-        self,
-        durations: str | None,
-        ticks: int,
-        radar: Radar | None = None,
+        self, durations: str | None, ticks: int, radar: Radar | None = None
     ) -> QuickestOptions:
         """Return the options of an environment with unknown switches and this model in its units.
 

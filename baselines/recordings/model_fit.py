@@ -14,11 +14,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from baselines.recordings.imm_pass import Pass, TrackModel, grid_chunks, run_pass
-from baselines.recordings.scatter import (
-    median_speed,
-    noise_estimate,
-    step_length,
-)
+from baselines.recordings.scatter import median_speed, noise_estimate, step_length
 from baselines.recordings.ticks import TickGrid
 from baselines.recordings.track_modes import in_units
 from hybrid_env.checks import ArgumentError, FloatArray
@@ -173,10 +169,7 @@ def _proposed(likelihood: Likelihood, given: TrackModel, processes: Sequence[flo
 
 
 def _with_drift(
-    likelihood: Likelihood,
-    steady: TrackModel,
-    free: list[str],
-    penalty: float,
+    likelihood: Likelihood, steady: TrackModel, free: list[str], penalty: float
 ) -> TrackModel:
     """Return a model with a drift of the measured positions, and add it to the names of what is
     free, if the criterion allows it; otherwise the one that was given. penalty: as of
@@ -206,10 +199,7 @@ def _with_drift(
 
 
 def _more_radii(
-    likelihood: Likelihood,
-    best: TrackModel,
-    free: list[str],
-    penalty: float,
+    likelihood: Likelihood, best: TrackModel, free: list[str], penalty: float
 ) -> TrackModel:
     """Add radii while the criterion allows it. penalty: logarithm of the number of measurements."""
     # Smallest difference of the logarithms of two radii that are proposed together.
@@ -296,9 +286,7 @@ def with_stop(grid: TickGrid, moving: TrackModel, whole: TrackModel) -> TrackMod
     better than motion, as of an object that is slow for a moment.
     """
     stopping = replace(
-        moving,
-        modes=(*moving.all_modes, Stop()),
-        estimated=(*moving.estimated, "modes"),
+        moving, modes=(*moving.all_modes, Stop()), estimated=(*moving.estimated, "modes")
     )
     stops, *moves = (model.run(grid, (), 2048)[0] for model in (stopping, moving, whole))
     clearly = stops.log_likelihood > max(each.log_likelihood for each in moves) + CLEARLY
@@ -330,9 +318,7 @@ def _counted_duration(result: Pass) -> float:
 
 
 def check_consistency(
-    grid: TickGrid,
-    model: TrackModel,
-    lengths: Sequence[int] = (),
+    grid: TickGrid, model: TrackModel, lengths: Sequence[int] = ()
 ) -> tuple[list[FloatArray], list[str]]:
     """Return the normalised innovations of each piece of a recording, (T, 2), of the most probable
     mode, NaN without a measurement and where filters start; and a plain sentence for everything

@@ -29,12 +29,7 @@ class Projection(Checked):
         with explained():
             from pyproj import Proj
 
-        return Proj(
-            proj="aeqd",
-            lat_0=self.latitude,
-            lon_0=self.longitude,
-            ellps="WGS84",
-        )
+        return Proj(proj="aeqd", lat_0=self.latitude, lon_0=self.longitude, ellps="WGS84")
 
     def forward(self, latitudes: ArrayLike, longitudes: ArrayLike) -> FloatArray:
         """Return x and y [m], (..., 2), of latitudes and longitudes [deg], (...), also of a single

@@ -139,10 +139,7 @@ def without_standing(grid: TickGrid) -> tuple[TickGrid, int]:
         return grid, 0
     # A moving object covers 12 standard deviations of the noise in a window.
     window = max(5, math.ceil(12.0 * math.sqrt(2.0 * noise) / step))
-    largest = max(
-        2.0 * noise * (1.0 + 3.0 / math.sqrt(window)),
-        (0.03 * step * window) ** 2,
-    )
+    largest = max(2.0 * noise * (1.0 + 3.0 / math.sqrt(window)), (0.03 * step * window) ** 2)
     pieces: list[Piece] = []
     count = 0
     for piece in grid.pieces:
@@ -192,11 +189,7 @@ def step_length(grid: TickGrid, ticks: int = 1, share: float = 0.5) -> float | N
     return float(np.quantile(lengths, share)) if lengths.size else None
 
 
-def _differences(
-    times: AnyArray,
-    values: FloatArray,
-    points: int,
-) -> tuple[IntArray, FloatArray]:
+def _differences(times: AnyArray, values: FloatArray, points: int) -> tuple[IntArray, FloatArray]:
     """Return numbers of rows, (k, p), and divided differences, (k, m), of p = `points` successive
     values, (n, m), at increasing times, (n,). Differences have unit noise, and cancel polynomials
     of degree p - 2.

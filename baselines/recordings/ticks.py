@@ -121,11 +121,7 @@ def tick_grid(recording: Recording) -> TickGrid:
         pieces.append(Piece(first, end, numbers, late, measurements, rates))
     rows = sum(map(len, times_of))
     return TickGrid(
-        tau,
-        tuple(pieces),
-        shared,
-        float(np.sqrt(squares / rows)) / tau,
-        recording.radar,
+        tau, tuple(pieces), shared, float(np.sqrt(squares / rows)) / tau, recording.radar
     )
 
 
@@ -139,9 +135,7 @@ def clock_ticks(times: FloatArray, tau: float) -> tuple[IntArray, FloatArray]:
     total = float(ticks.sum())
     if total > MAX_TICKS:
         raise reject(
-            "gap",
-            f"{total:.3g} ticks of {tau:.3g}",
-            f"a shorter gap: at most {MAX_TICKS:,} ticks",
+            "gap", f"{total:.3g} ticks of {tau:.3g}", f"a shorter gap: at most {MAX_TICKS:,} ticks"
         )
     return np.cumsum(ticks).astype(int) - 1, late
 

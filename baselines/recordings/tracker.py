@@ -137,10 +137,7 @@ class OnlineTracker(OwnState):
 
     @classmethod
     def from_recording(
-        cls,
-        recording: Any,
-        decider: Decider | None = None,
-        gate: float | None = 10.0,
+        cls, recording: Any, decider: Decider | None = None, gate: float | None = 10.0
     ) -> Self:
         """Return a tracker with all that was found on a recording with unknown switches: tick,
         noise, radii, durations, units and projection.
@@ -433,12 +430,7 @@ class OnlineTracker(OwnState):
             y -= late * estimate.item(3)
         return point._replace(position=(x, y))
 
-    def _is_stale(
-        self,
-        position: tuple[float, float],
-        estimate: FloatArray,
-        ticks: int,
-    ) -> bool:
+    def _is_stale(self, position: tuple[float, float], estimate: FloatArray, ticks: int) -> bool:
         """Return whether a source without a new position has repeated the last one: the object has
         moved by more than rounding of the positions explains.
         """
@@ -478,10 +470,7 @@ class OnlineTracker(OwnState):
             self.state.announced_ticks = None
 
     def _begins_after(
-        self,
-        collected: FirstMeasurements,
-        point: Fused | None,
-        missing: int,
+        self, collected: FirstMeasurements, point: Fused | None, missing: int
     ) -> bool:
         """Collect a measurement after missing ones; return whether the bank has begun before it
         instead.

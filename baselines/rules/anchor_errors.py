@@ -39,13 +39,7 @@ class AnchorErrors(OwnState):
         self.world, self.tracks = world, tracks
         self.layout = Layout(world.hypotheses)
         kind = "anchor_aware" if world.bank == "anchor_aware" else "published"
-        self.bank = ComponentFilters(
-            kind,
-            1,
-            tracks,
-            world,
-            oriented=True,
-        )
+        self.bank = ComponentFilters(kind, 1, tracks, world, oriented=True)
         self.resets = bool(world.parameters()["reset_covariance"])
         # Of the present segment, and to the next switch, (N,).
         self.ticks = np.ones(tracks)
@@ -60,12 +54,7 @@ class AnchorErrors(OwnState):
         # Range rates are left out.
         self.memory.measured["rates"] = np.nan
 
-    def advance(
-        self,
-        rows: Observations,
-        begins: BoolArray,
-        sensed: FloatArray | None,
-    ) -> None:
+    def advance(self, rows: Observations, begins: BoolArray, sensed: FloatArray | None) -> None:
         """Start the bank of tracks that begin, (N,), and advance all by a tick of rows; `sensed` is
         from `split_sensed`.
         """
@@ -105,13 +94,7 @@ class AnchorErrors(OwnState):
         likely = weight > NEGLIGIBLE
         ticks = np.where(likely, self.ticks_left[tracks, None], 0)
         mean, covariance = self.errors_of(
-            filters,
-            assumption,
-            component,
-            h,
-            declared,
-            tracks,
-            ticks,
+            filters, assumption, component, h, declared, tracks, ticks
         )
         # The speed of the anchor is known.
         speed = mean[..., 4]

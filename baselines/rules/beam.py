@@ -78,11 +78,7 @@ class BeamDecider(MeasurementDecider):
     source = "beam"
     oracle = True
     variants: ClassVar[Variants] = {
-        "beam-geometric": {
-            "title": "beam, geometric",
-            "oracle": False,
-            "arguments": _geometric,
-        },
+        "beam-geometric": {"title": "beam, geometric", "oracle": False, "arguments": _geometric},
         "beam-default": {
             "title": "beam, default law",
             "oracle": False,
@@ -170,19 +166,11 @@ class BeamDecider(MeasurementDecider):
     def statements(self, state: BeamState, starts: BoolArray) -> Actions:
         """Apply the threshold rule to the posterior; see `MeasurementDecider.statements`."""
         for threshold, stated in zip(np.atleast_1d(self.threshold), state.stated, strict=True):
-            stated[:] = state_modes(
-                state.log_probability,
-                stated,
-                ~starts,
-                float(threshold),
-            )
+            stated[:] = state_modes(state.log_probability, stated, ~starts, float(threshold))
         return state.stated.copy() if np.ndim(self.threshold) else state.stated[0].copy()
 
     def evidence(
-        self,
-        observation: FloatArray,
-        state: Any = None,
-        episode_start: Any = None,
+        self, observation: FloatArray, state: Any = None, episode_start: Any = None
     ) -> FloatArray:
         """Return the posterior of the modes, (N, M)."""
         # A copy, because `decide` changes the state in place.

@@ -177,12 +177,7 @@ def begin_branches(branches: Branches, track: int, start: FloatArray, model: Bea
 
 @internal
 def _copy_branch(
-    source: Branches,
-    source_track: int,
-    b: int,
-    target: Branches,
-    track: int,
-    c: int,
+    source: Branches, source_track: int, b: int, target: Branches, track: int, c: int
 ) -> None:
     """Copy branch b of a track to branch c of another."""
     old = source.filters[source_track, b // LANES]
@@ -192,10 +187,7 @@ def _copy_branch(
 
 @internal
 def _mixture_of(
-    branches: Branches,
-    track: int,
-    shares: FloatArray,
-    total: float,
+    branches: Branches, track: int, shares: FloatArray, total: float
 ) -> tuple[State, Triangle4]:
     """Return mean and covariance of the branches of a track, weighted by shares (branches,) of a
     total.
@@ -261,18 +253,7 @@ def _switch(
         anchor, covariance = _mixture_of(branches, track, shares, total)
         slot = free[mode] if learns else 0
         weight = math.log(total)
-        begin_branch(
-            children,
-            0,
-            count,
-            mode,
-            LATER,
-            slot,
-            anchor,
-            covariance,
-            weight,
-            model,
-        )
+        begin_branch(children, 0, count, mode, LATER, slot, anchor, covariance, weight, model)
         count += 1
     return count
 
@@ -288,11 +269,7 @@ def hazard_at(row: int, mode: int, age: int, ends: float, model: BeamModel) -> f
 
 @internal
 def _extend(
-    branches: Branches,
-    track: int,
-    children: Branches,
-    ends: float,
-    model: BeamModel,
+    branches: Branches, track: int, children: Branches, ends: float, model: BeamModel
 ) -> tuple[int, FloatArray]:
     """Write the continuations of all branches of a track to `children`, (1, ...), oldest first
     if theirs are. ends: probability that a segment ends now, or `BY_LAW`.
@@ -308,12 +285,7 @@ def _extend(
         if learns:
             column = min(history.age, model.tables.shape[1]) - 1
             hazard = expected_hazard(
-                branches.habits,
-                track,
-                history.slot,
-                model.tables,
-                history.row,
-                column,
+                branches.habits, track, history.slot, model.tables, history.row, column
             )
         else:
             hazard = hazard_at(history.row, history.mode, history.age, ends, model)

@@ -46,11 +46,7 @@ class Habits(NamedTuple):
 
 @internal
 def begin_habits(
-    habits: Habits,
-    track: int,
-    slots: int,
-    prior: FloatArray,
-    habitual: float,
+    habits: Habits, track: int, slots: int, prior: FloatArray, habitual: float
 ) -> None:
     """Give the first slots of a track, one for each mode, the prior of the laws, (3, L), and of
     habits.
@@ -89,12 +85,7 @@ def _begin_segment(habits: Habits, track: int, slot: int, mode: int) -> None:
 
 @summing
 def expected_hazard(
-    habits: Habits,
-    track: int,
-    slot: int,
-    tables: Tables,
-    row: int,
-    column: int,
+    habits: Habits, track: int, slot: int, tables: Tables, row: int, column: int
 ) -> float:
     """Return the probability that a segment ends after its present tick, by the beliefs when it
     began.
@@ -111,13 +102,7 @@ def expected_hazard(
 
 @summing
 def _sums(
-    laws: Float32Array,
-    track: int,
-    slot: int,
-    kind: int,
-    tables: Tables,
-    row: int,
-    column: int,
+    laws: Float32Array, track: int, slot: int, kind: int, tables: Tables, row: int, column: int
 ) -> tuple[np.float32, np.float32, np.float32]:
     """Return sums over the laws: of `SAME` times the probability of the end, of row `kind` times
     it, of `kind` alone.
@@ -134,12 +119,7 @@ def _sums(
 
 @internal
 def _add_posterior(
-    laws: Float32Array,
-    track: int,
-    slot: int,
-    history: Any,
-    weight: float,
-    tables: Tables,
+    laws: Float32Array, track: int, slot: int, history: Any, weight: float, tables: Tables
 ) -> None:
     """Add to the laws of a slot those of a history after the end of its segment, times a weight.
 

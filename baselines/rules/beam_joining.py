@@ -16,11 +16,7 @@ from hybrid_env.compiled import internal
 
 
 @internal
-def join_branches(
-    histories: Any,
-    weights: FloatArray,
-    capacity: int,
-) -> IntArray:
+def join_branches(histories: Any, weights: FloatArray, capacity: int) -> IntArray:
     """Return the branches that remain, in order, and change their weights.
 
     Of two branches of one mode and row, neighbours in age, joining costs the harmonic sum of their

@@ -39,10 +39,7 @@ class CusumDecider(Decider):
         return np.maximum(statistics + ratio, 0.0)
 
     def decide(
-        self,
-        observation: Observations,
-        state: FloatArray | None,
-        episode_start: Any,
+        self, observation: Observations, state: FloatArray | None, episode_start: Any
     ) -> tuple[Actions, FloatArray]:
         """See `Decider.decide`; action i states mode i. The state are the statistics, (N, M). The
         first statement of an episode is the most probable mode; rows tell where an episode begins.

@@ -99,12 +99,7 @@ class Anchors(NamedTuple):
 
 @internal
 def _sense(
-    bank: Any,
-    memory: _Memory,
-    first: int,
-    last: int,
-    sensors: AnyArray,
-    model: FilterModel,
+    bank: Any, memory: _Memory, first: int, last: int, sensors: AnyArray, model: FilterModel
 ) -> None:
     """Advance the filters of lanes first .. last - 1 by a tick."""
     for h in range(bank.size):
@@ -228,8 +223,7 @@ class ComponentFilters(OwnState):
             _Assumption(
                 model._replace(variance_x=law.variance * x, variance_y=law.variance * y),
                 model._replace(
-                    variance_x=law.outlier_variance * x,
-                    variance_y=law.outlier_variance * y,
+                    variance_x=law.outlier_variance * x, variance_y=law.outlier_variance * y
                 ),
                 law.distance if robust else math.inf,
                 law,

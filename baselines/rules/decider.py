@@ -177,10 +177,7 @@ class Decider:
         return probability_panel(self.source, level)
 
     def evidence(
-        self,
-        observation: Any,
-        state: Any = None,
-        episode_start: Any = None,
+        self, observation: Any, state: Any = None, episode_start: Any = None
     ) -> FloatArray:
         """Return what is compared with the threshold for each hypothesis, (N, M); the state
         stays as it is.

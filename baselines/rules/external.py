@@ -45,11 +45,7 @@ class ModelDecider(Decider):
         deterministic: bool = True,
     ) -> Answer:
         """See `Decider.predict`; a model that returns actions only has no state."""
-        further = {
-            "state": state,
-            "episode_start": episode_start,
-            "deterministic": deterministic,
-        }
+        further = {"state": state, "episode_start": episode_start, "deterministic": deterministic}
         answer = self.call(observation, **({} if self._rows_only else further))
         return answer if isinstance(answer, tuple) and len(answer) == 2 else (answer, None)
 
@@ -62,9 +58,7 @@ def as_decider(model: Any) -> Decider:
         return model
     if isinstance(model, type) or not callable(getattr(model, "predict", model)):
         raise reject(
-            "decider",
-            model,
-            "an object with a method predict, or a function of the observations",
+            "decider", model, "an object with a method predict, or a function of the observations"
         )
     return ModelDecider(model)
 
@@ -202,11 +196,7 @@ def _attributes(model: Any, name: str, options: Any) -> dict[str, Any]:
 
 
 def _create(
-    model: Any,
-    name: str,
-    options: Any,
-    attributes: Mapping[str, Any],
-    threshold: float,
+    model: Any, name: str, options: Any, attributes: Mapping[str, Any], threshold: float
 ) -> Decider:
     """Return a user's decider at a threshold."""
     swept = attributes["symbol"] != ""

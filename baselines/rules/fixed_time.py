@@ -24,35 +24,9 @@ class FixedTimeDecider(Decider):
     title = "fixed time"
     symbol = "ticks"
     default = 25
-    thresholds = (
-        5,
-        10,
-        15,
-        18,
-        20,
-        22,
-        24,
-        25,
-        26,
-        28,
-        30,
-        32,
-        34,
-        36,
-        40,
-        45,
-        50,
-        60,
-        80,
-        100,
-    )
+    thresholds = (5, 10, 15, 18, 20, 22, 24, 25, 26, 28, 30, 32, 34, 36, 40, 45, 50, 60, 80, 100)
     variants: ClassVar[Variants] = {
-        "at-once": {
-            "title": "likeliest at once",
-            "thresholds": (1,),
-            "default": 1,
-            "threshold": 1,
-        },
+        "at-once": {"title": "likeliest at once", "thresholds": (1,), "default": 1, "threshold": 1},
         "ml": {
             "title": "ML at the end",
             "thresholds": (NO_EARLY_DECISION,),

@@ -125,8 +125,7 @@ def smooth_modes(
         borders = np.flatnonzero(np.diff(modes, prepend=-1))
     else:
         modes = np.repeat(
-            np.add.reduceat(probabilities, borders).argmax(1),
-            np.diff(borders, append=len(values)),
+            np.add.reduceat(probabilities, borders).argmax(1), np.diff(borders, append=len(values))
         )
     pieces = np.stack([borders, np.append(borders[1:], len(values)), modes[borders]], axis=1)
     smoothed = smooth_pieces(
@@ -150,9 +149,7 @@ def smooth_modes(
 
 
 def _unknown_starts(
-    position: FloatArray,
-    noise: FloatArray,
-    options: QuickestOptions,
+    position: FloatArray, noise: FloatArray, options: QuickestOptions
 ) -> tuple[FloatArray, Moments]:
     """Return where an object may have been one tick before its first measurement.
 
@@ -199,11 +196,7 @@ def _in_types(probabilities: FloatArray, options: QuickestOptions) -> FloatArray
 
 @compiled
 def _choose(
-    probabilities: FloatArray,
-    weights: FloatArray,
-    cost: float,
-    before: IntArray,
-    modes: IntArray,
+    probabilities: FloatArray, weights: FloatArray, cost: float, before: IntArray, modes: IntArray
 ) -> None:
     """Write the sequence of modes whose value is the largest, by dynamic programming.
 
@@ -229,9 +222,7 @@ def _choose(
 
 
 def choose_modes(
-    probabilities: FloatArray,
-    weights: FloatArray,
-    cost: float = CHANGE_COST,
+    probabilities: FloatArray, weights: FloatArray, cost: float = CHANGE_COST
 ) -> IntArray:
     """Return the modes (T,) with the largest expected number of right rows, less the cost of each
     change. weights: (T,) 1 at ticks with a row, 0 at others, whose mode is that of the largest

@@ -79,11 +79,7 @@ def _begin(branches: Branches, starts: FloatArray, model: BeamModel) -> None:
 
 
 def walk_lattice(
-    measurements: FloatArray,
-    starts: FloatArray,
-    ends: FloatArray,
-    branches: int,
-    model: BeamModel,
+    measurements: FloatArray, starts: FloatArray, ends: FloatArray, branches: int, model: BeamModel
 ) -> Lattice:
     """Walk over T measurements, (T, 2) or (T, 9), see `sensing.write_measured`.
 
@@ -185,9 +181,7 @@ def _smooth(
 
 
 def smooth_lattice(
-    lattice: Lattice,
-    model: BeamModel,
-    first: int = 0,
+    lattice: Lattice, model: BeamModel, first: int = 0
 ) -> tuple[FloatArray, FloatArray]:
     """Return the probabilities of the modes at every tick from `first` on, and that a segment of
     each mode begins there, (T - first, M), given all measurements.

@@ -124,10 +124,7 @@ class MeasurementDecider(Decider):
         return np.hstack(parts)
 
     def decide(
-        self,
-        observation: FloatArray,
-        state: Any,
-        episode_start: BoolArray | None,
+        self, observation: FloatArray, state: Any, episode_start: BoolArray | None
     ) -> tuple[Actions, Any]:
         """See `Decider.decide`; action i states mode i. Tracks begin where `episode_start` says,
         or without a state.
@@ -151,10 +148,7 @@ class MeasurementDecider(Decider):
         return self.statements(state, starts), state
 
     def evidence(
-        self,
-        observation: FloatArray,
-        state: Any = None,
-        episode_start: Any = None,
+        self, observation: FloatArray, state: Any = None, episode_start: Any = None
     ) -> FloatArray:
         """Return the probabilities of the modes by the bank, (N, M)."""
         return np.exp(observation[:, OBSERVED : OBSERVED + self.hypotheses])
@@ -168,10 +162,7 @@ def observe_sensed(tracks: Any) -> AnyArray:
     return np.hstack([tracks.take_rows(), *(tracks.field(name) for name in names)])
 
 
-def split_sensed(
-    layout: Layout,
-    observation: AnyArray,
-) -> tuple[AnyArray, FloatArray | None]:
+def split_sensed(layout: Layout, observation: AnyArray) -> tuple[AnyArray, FloatArray | None]:
     """Return the rows of an observation, and what sensors add to it, None without them."""
     if observation.ndim != 2 or observation.shape[1] != layout.width + sum(OF_SENSORS):
         return observation, None
@@ -208,8 +199,7 @@ def axes_in_rows(world: WorldOptions, rows: AnyArray, measurements: FloatArray) 
 
 
 def in_world(
-    sensed: FloatArray | None,
-    anchors: FloatArray,
+    sensed: FloatArray | None, anchors: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return measurements (N, 9), anchors (C, N, 14) in the frame of the world, and headings (N,
     2).

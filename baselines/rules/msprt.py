@@ -57,11 +57,7 @@ FEW_ALPHAS = (0.6, 0.4, 0.25, 0.15, 0.1, 0.08, 0.05, 0.03, 0.02, 0.01, 3e-3, 3e-
 """Some of `ALPHAS`, for deciders that are slow to evaluate, and for tables over many
 environments.
 """
-PUBLISHED: dict[str, Any] = {
-    "bank": "published",
-    "evidence": 0.0,
-    "follow": "declared",
-}
+PUBLISHED: dict[str, Any] = {"bank": "published", "evidence": 0.0, "follow": "declared"}
 """Options of the algorithms of the papers: their bank, on which every declaration counts."""
 ROBUST = PUBLISHED | {"likelihood": "student_t 50"}
 """The same with the robust likelihood."""
@@ -87,8 +83,7 @@ def group_sums(values: AnyArray, groups: IntArray) -> FloatArray:
 
 
 def error_and_best(
-    posterior: NDArray[np.floating],
-    groups: IntArray,
+    posterior: NDArray[np.floating], groups: IntArray
 ) -> tuple[FloatArray, IntArray]:
     """Return the posterior error probability of the best declaration, and the hypothesis to
     declare, each (N,): the likeliest of the likeliest group, where only other groups are errors.
@@ -165,10 +160,7 @@ class MSPRTDecider(Decider):
         return posterior_panel("Kalman filters", self.by == "type", self.threshold)
 
     def evidence(
-        self,
-        observation: Observations,
-        state: Any = None,
-        episode_start: Any = None,
+        self, observation: Observations, state: Any = None, episode_start: Any = None
     ) -> FloatArray:
         """Return the posterior of each hypothesis or of its type, (N, M)."""
         posterior = super().evidence(observation)
@@ -241,10 +233,7 @@ class GapDecider(Decider):
         )
 
     def evidence(
-        self,
-        observation: Observations,
-        state: Any = None,
-        episode_start: Any = None,
+        self, observation: Observations, state: Any = None, episode_start: Any = None
     ) -> FloatArray:
         """Return the log-likelihood ratio of each hypothesis to the most likely of all others,
         (N, M).

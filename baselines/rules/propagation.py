@@ -41,12 +41,7 @@ class Memory(NamedTuple):
 
 
 @internal
-def _read_filter(
-    kalman: Any,
-    lane: int,
-    mean: FloatArray,
-    covariance: FloatArray,
-) -> None:
+def _read_filter(kalman: Any, lane: int, mean: FloatArray, covariance: FloatArray) -> None:
     """Write the seven states of a filter, (7,), and their covariance, (7, 7)."""
     for k, value in enumerate(state_of(kalman, lane)):
         mean[k] = value
@@ -106,13 +101,7 @@ def _tick(
     measured.measurement[0, 0] = mean[0]
     measured.measurement[1, 0] = mean[2]
     sense_hypothesis(
-        kalman,
-        memory.innovation[0],
-        np.uint64(0),
-        np.uint64(1),
-        measured,
-        sensors,
-        model,
+        kalman, memory.innovation[0], np.uint64(0), np.uint64(1), measured, sensors, model
     )
     # K = P H' / R with the corrected P.
     of_measured = np.empty((2, STATES))
@@ -190,13 +179,5 @@ def propagate(
         precision = np.linalg.inv(R)
         errors = ratios[assumption] * R
         for _ in range(ticks):
-            joint = _tick(
-                mean,
-                joint,
-                memory,
-                precision,
-                errors,
-                sensors,
-                model,
-            )
+            joint = _tick(mean, joint, memory, precision, errors, sensors, model)
         _write_error(results[k], mean, joint)

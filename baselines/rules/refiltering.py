@@ -87,11 +87,7 @@ class RefilteringDecider(Decider):
         return _State(ComponentFilters(*given), errors)
 
     def anchors(
-        self,
-        state: _State,
-        rows: Observations,
-        begins: BoolArray,
-        first: BoolArray,
+        self, state: _State, rows: Observations, begins: BoolArray, first: BoolArray
     ) -> Anchors:
         """Return the anchors of the n tracks that begin a segment. begins, first: (N,) of a
         segment, of an episode.
@@ -106,12 +102,7 @@ class RefilteringDecider(Decider):
                 values[later] = of_later
         return anchors
 
-    def decide(
-        self,
-        observation: Observations,
-        state: Any,
-        episode_start: Any,
-    ) -> Answer:
+    def decide(self, observation: Observations, state: Any, episode_start: Any) -> Answer:
         """See `Decider.decide`. The state holds the filters and is changed in place."""
         rows, sensed = split_sensed(self.layout, observation)
         tracks = len(rows)

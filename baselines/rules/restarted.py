@@ -88,11 +88,7 @@ class RestartModel(NamedTuple):
 
 @compiled
 def begin_restarted(
-    filters: RestartedFilters,
-    track: int,
-    mode: int,
-    start: FloatArray,
-    model: RestartModel,
+    filters: RestartedFilters, track: int, mode: int, start: FloatArray, model: RestartModel
 ) -> None:
     """Begin an episode of a track with a first statement; `start` as in
     `MeasurementDecider.begin_track`.
@@ -107,9 +103,7 @@ def begin_restarted(
 
 @compiled
 def step_restarted(
-    filters: RestartedFilters,
-    measurements: FloatArray,
-    model: RestartModel,
+    filters: RestartedFilters, measurements: FloatArray, model: RestartModel
 ) -> None:
     """Advance the filters of all tracks by a tick, with measurements as in
     `sensing.write_measured`.

@@ -44,11 +44,7 @@ class Tick:
 
 
 def rollout(
-    env: Any,
-    model: Any,
-    seed: int,
-    unfinished: BoolArray | None = None,
-    decide_every: int = 1,
+    env: Any, model: Any, seed: int, unfinished: BoolArray | None = None, decide_every: int = 1
 ) -> Iterator[Tick]:
     """Run a decider on an environment, without end: yield every tick before the decider is asked.
 
@@ -120,10 +116,7 @@ def decision_ticks(env: Any, decide_every: int) -> BoolArray:
 def statement_env(options: QuickestOptions, tracks: int) -> HybridTrackQuickestVectorEnv:
     """Return N tracks of one episode each, in which modes are stated at every tick."""
     return HybridTrackQuickestVectorEnv(
-        tracks,
-        autoreset_mode="Disabled",
-        tick_info=False,
-        **{**vars(options), "decide_every": 1},
+        tracks, autoreset_mode="Disabled", tick_info=False, **{**vars(options), "decide_every": 1}
     )
 
 
@@ -206,9 +199,7 @@ def evaluate(
     if as_decider(decider).every_tick:
         options = options | {"decide_every": 1}
     env = make_vector_env(
-        env_id,
-        episodes,
-        **(options if trained else options | {"actions": "all"}),
+        env_id, episodes, **(options if trained else options | {"actions": "all"})
     )
     # Between decisions that the environment does not ask for.
     every = every if env.options.decide_every < every else 1

@@ -39,11 +39,7 @@ def sprt_thresholds(alpha: float, beta: float | None = None) -> tuple[float, flo
 
 @internal
 def sprt_test(
-    log_likelihood: FloatArray,
-    running: BoolArray,
-    reference: int,
-    upper: float,
-    lower: float,
+    log_likelihood: FloatArray, running: BoolArray, reference: int, upper: float, lower: float
 ) -> int:
     """Perform the test at one tick. Golubkov 2018, rule (5) and algorithm 1, lines 10 and 11.
 
@@ -151,10 +147,7 @@ class SPRTDecider(Decider):
         return float(threshold)
 
     def decide(
-        self,
-        observation: Observations,
-        state: Any,
-        episode_start: Any,
+        self, observation: Observations, state: Any, episode_start: Any
     ) -> tuple[Actions, tuple[FloatArray, BoolArray, FloatArray]]:
         """See `Decider.decide`. The state is log-likelihoods and hypotheses not yet rejected, both
         (N, M), and ticks (N,).
@@ -194,10 +187,7 @@ class SPRTDecider(Decider):
         return sprt_panel((1.0 - lower) / (upper - lower))
 
     def evidence(
-        self,
-        observation: Observations,
-        state: Any = None,
-        episode_start: Any = None,
+        self, observation: Observations, state: Any = None, episode_start: Any = None
     ) -> FloatArray:
         """Return the log-likelihood ratio of each hypothesis to the active mode, (N, M)."""
         log_likelihood = self.decide(observation, state, episode_start)[1][0]

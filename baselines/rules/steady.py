@@ -41,10 +41,7 @@ class SteadyDecider(ThresholdDecider):
     measurements = 3
 
     def decide(
-        self,
-        observation: Observations,
-        state: SteadyState | None,
-        episode_start: Any,
+        self, observation: Observations, state: SteadyState | None, episode_start: Any
     ) -> tuple[Actions, SteadyState]:
         """See `Decider.decide`; rows tell where an episode begins."""
         log_probability = QuickestLayout.of_rows(observation).read(observation, "log_probability")

@@ -39,10 +39,7 @@ def reachable_probabilities(hypotheses: int) -> tuple[float, ...]:
 
 
 def state_modes(
-    log_probability: FloatArray,
-    stated: Actions,
-    started: BoolArray,
-    threshold: float,
+    log_probability: FloatArray, stated: Actions, started: BoolArray, threshold: float
 ) -> Actions:
     """Return the next statements of N tracks, (N,), see `ThresholdDecider`.
 

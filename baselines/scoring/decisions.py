@@ -9,8 +9,7 @@ from baselines.scoring.scores import Statistic, quotient, ratio
 from hybrid_env.checks import BoolArray, FloatArray, IntArray
 
 RMSE = Statistic(
-    ("squared_error", "length"),
-    lambda error, length: np.sqrt(quotient(error, length)),
+    ("squared_error", "length"), lambda error, length: np.sqrt(quotient(error, length))
 )
 ERROR_AFTER = {
     "correct": ratio("wrong_after_correct", "after_correct"),
@@ -52,14 +51,7 @@ class Decisions:
         right = self.correct[:, :-1]
         wrong = ~self.correct[:, 1:]
         means = self.correct, self.type_correct, self.ticks, self.reward, self.forced
-        sums = (
-            self.squared_error,
-            self.length,
-            wrong & right,
-            right,
-            wrong & ~right,
-            ~right,
-        )
+        sums = (self.squared_error, self.length, wrong & right, right, wrong & ~right, ~right)
         columns = *(each.mean(1) for each in means), *(each.sum(1) for each in sums)
         return np.stack(columns, axis=1)
 

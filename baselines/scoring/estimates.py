@@ -28,8 +28,7 @@ class Estimate:
 
 
 def confidence_interval(
-    episodes: FloatArray,
-    of_means: Callable[[FloatArray], Any] = lambda means: means,
+    episodes: FloatArray, of_means: Callable[[FloatArray], Any] = lambda means: means
 ) -> tuple[float, float]:
     """Return the percentile bootstrap 95 % confidence interval of a function of means over
     episodes, from (E, ...). Whole episodes are resampled (Efron 1979), because the decisions within

@@ -21,15 +21,7 @@ from baselines.scoring.timelines import (
     count_timeline,
     statistics,
 )
-from hybrid_env.checks import (
-    AnyArray,
-    IntArray,
-    Positive,
-    check_array,
-    checked,
-    dimensions,
-    reject,
-)
+from hybrid_env.checks import AnyArray, IntArray, Positive, check_array, checked, dimensions, reject
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,13 +159,7 @@ def score(
     return TimelineScores(scores, timelines, tuple(indices), period, normal)
 
 
-def _tracks(
-    name: str,
-    times: Any,
-    word: str,
-    modes: Any,
-    indices: dict[Any, int],
-) -> list[Samples]:
+def _tracks(name: str, times: Any, word: str, modes: Any, indices: dict[Any, int]) -> list[Samples]:
     """Return the tracks of one or several arrays of times and modes; a new mode gets an index."""
     if dimensions(next(iter(times), 0.0)) == 0:
         times = [times]

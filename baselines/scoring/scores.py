@@ -76,9 +76,7 @@ def interpolated(measure: str, level: float, column: str) -> Statistic:
 
     def function(means: FloatArray, values: FloatArray) -> FloatArray:
         pairs = zip(
-            means.reshape(-1, means.shape[-1]),
-            values.reshape(-1, means.shape[-1]),
-            strict=True,
+            means.reshape(-1, means.shape[-1]), values.reshape(-1, means.shape[-1]), strict=True
         )
         return np.array([np.interp(level, *pair) for pair in pairs]).reshape(means.shape[:-1])
 
@@ -170,9 +168,7 @@ class Scores:
 
         def divide(mine: FloatArray, theirs: FloatArray) -> FloatArray:
             return np.where(
-                np.maximum(mine, theirs) < NOT_REACHED,
-                quotient(mine, theirs),
-                NOT_REACHED,
+                np.maximum(mine, theirs) < NOT_REACHED, quotient(mine, theirs), NOT_REACHED
             )
 
         return self.difference(other, statistic, combine=divide)

@@ -16,8 +16,7 @@ STATISTICS: dict[str, Statistic] = {
     "right": mean("right"),
     "delay": ratio("delay", "detected"),
     "missed": Statistic(
-        ("missed", "detected"),
-        lambda missed, detected: quotient(missed, missed + detected),
+        ("missed", "detected"), lambda missed, detected: quotient(missed, missed + detected)
     ),
     "full_delay": ratio("undetected", "switches"),
     "wrong_changes": mean("wrong_changes"),

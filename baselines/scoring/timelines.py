@@ -131,9 +131,7 @@ def statistics(period: float) -> dict[str, Statistic]:
 
 
 def count_timeline(
-    timeline: Timeline,
-    normal: int | None = None,
-    blocks: IntArray | None = None,
+    timeline: Timeline, normal: int | None = None, blocks: IntArray | None = None
 ) -> FloatArray:
     """Return the `TimelineCounts` of B blocks of a track, (B, 15), to which events belong in which
     they begin; `blocks`, (T,), has that of each moment. A false change away from the `normal` mode

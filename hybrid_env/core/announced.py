@@ -61,11 +61,7 @@ HAS_DECISION = 0
 
 @internal
 def _record_estimate(
-    block: Any,
-    lane: int,
-    hypotheses: Records,
-    trace: FloatArray,
-    merged: bool,
+    block: Any, lane: int, hypotheses: Records, trace: FloatArray, merged: bool
 ) -> None:
     """Record the estimate of the active filter or the merged one, its squared error, and a row
     of a stored trace.
@@ -151,14 +147,7 @@ def step_filters(
 
 
 @internal
-def run_on(
-    block: Any,
-    lane: int,
-    bank: Any,
-    arrays: Any,
-    setting: Any,
-    rare: bool | None,
-) -> None:
+def run_on(block: Any, lane: int, bank: Any, arrays: Any, setting: Any, rare: bool | None) -> None:
     """Advance the filters of a lane after a decision: all of them, or that of the decided mode
     without its log-likelihood. Golubkov 2018, algorithm 1, line 15.
     """
@@ -177,12 +166,7 @@ def run_on(
 
 @internal
 def chosen_mode(
-    block: Any,
-    lane: int,
-    bank: Any,
-    action: int,
-    types: IntArray,
-    setting: Any,
+    block: Any, lane: int, bank: Any, action: int, types: IntArray, setting: Any
 ) -> int:
     """Return the mode of a decision: the declared one, or that of a segment that ends undecided.
     types: (M,) of every mode.
@@ -278,13 +262,7 @@ def counted_action(arrays: Any, i: int) -> int:
 
 @internal
 def prepare_lane(
-    reset: bool,
-    block: Any,
-    lane: int,
-    i: int,
-    bank: Any,
-    setting: Any,
-    rare: bool | None,
+    reset: bool, block: Any, lane: int, i: int, bank: Any, setting: Any, rare: bool | None
 ) -> int:
     """Apply the action of track i, or begin its next episode. Returns the events of the lane."""
     arrays = arrays_of(setting)
@@ -316,14 +294,7 @@ def prepare_lane(
 
 
 @internal
-def wait_lane(
-    block: Any,
-    lane: int,
-    i: int,
-    bank: Any,
-    setting: Any,
-    rare: bool | None,
-) -> int:
+def wait_lane(block: Any, lane: int, i: int, bank: Any, setting: Any, rare: bool | None) -> int:
     """Return the events of a lane that waits for the next decision: it halts where the segment
     ends.
     """
@@ -332,13 +303,7 @@ def wait_lane(
 
 @internal
 def tick(
-    b: int,
-    block: Any,
-    bank: Any,
-    first: int,
-    last: int,
-    setting: Any,
-    rare: bool | None,
+    b: int, block: Any, bank: Any, first: int, last: int, setting: Any, rare: bool | None
 ) -> None:
     """Advance object and bank of lanes first .. last - 1 of block b."""
     arrays = arrays_of(setting)

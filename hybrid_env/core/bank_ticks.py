@@ -49,13 +49,7 @@ def write_estimate(row: FloatArray, bank: Any, hypothesis: int, lane: int) -> No
 
 @internal
 def write_innovations(
-    bank_ticks: FloatArray,
-    b: int,
-    block: Any,
-    first: int,
-    last: int,
-    bank: Any,
-    setting: Any,
+    bank_ticks: FloatArray, b: int, block: Any, first: int, last: int, bank: Any, setting: Any
 ) -> None:
     """Write the innovations of lanes first .. last - 1 of block b and their covariances, before
     the filters step.
@@ -77,13 +71,7 @@ def write_innovations(
         for h in range(bank.hypotheses.size):
             row = bank_ticks[b * LANES + lane, h]
             write_innovation(
-                row,
-                bank,
-                h,
-                lane,
-                block.measurement,
-                (noise_xx, noise_xy, noise_yy),
-                model,
+                row, bank, h, lane, block.measurement, (noise_xx, noise_xy, noise_yy), model
             )
 
 

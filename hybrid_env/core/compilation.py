@@ -26,11 +26,7 @@ from numba.extending import register_jitable
 # Filled at run time.
 config: Any = numba.config
 
-OPTIONS: Any = {
-    "error_model": "numpy",
-    "nogil": True,
-    "no_cfunc_wrapper": True,
-}
+OPTIONS: Any = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
 """Options of all functions. C never calls one."""
 
 formula: Any = register_jitable(**OPTIONS, forceinline=True)

@@ -17,13 +17,7 @@ DECIDED, TERMINATED, BEGUN, HALTED = 1, 2, 4, 8
 
 
 @inlined
-def advance(
-    reset: bool,
-    process: Any,
-    bank_class: type,
-    setting: Any,
-    rare: bool | None,
-) -> int:
+def advance(reset: bool, process: Any, bank_class: type, setting: Any, rare: bool | None) -> int:
     """Check all actions, then step the blocks of this call; see `kernels.entry_point`.
 
     process: `announced` or `unknown`. Its `prepare_lane` applies the action of a lane or begins its

@@ -161,12 +161,7 @@ BLOCK = lanes_of(
 """State of `LANES` tracks."""
 
 
-BANK_COLUMNS = {
-    "innovations": 2,
-    "innovation_covariances": 3,
-    "estimates": 4,
-    "covariances": 10,
-}
+BANK_COLUMNS = {"innovations": 2, "innovation_covariances": 3, "estimates": 4, "covariances": 10}
 """Columns of what is told of a filter at a tick: innovation (x, y) [m], upper triangles of
 covariances row by row, and the corrected estimate [x, vx, y, vy] [m, m/s].
 """
@@ -248,10 +243,7 @@ def declared(arrays: type, *owners: str) -> dict[str, Array]:
 
 
 def aligned_zeros(
-    shape: tuple[int, ...],
-    dtype: Any,
-    cache_line: int = 64,
-    huge_page: int = 1 << 21,
+    shape: tuple[int, ...], dtype: Any, cache_line: int = 64, huge_page: int = 1 << 21
 ) -> NDArray[Any]:
     """Return an array of zeros aligned to a cache line, so that the eight lanes of a field fill one
     line. Large arrays request huge pages: with pages of 4 kB the address cache misses every few

@@ -72,11 +72,7 @@ def heading_vector(velocity_x: float, velocity_y: float) -> tuple[float, float, 
 
 @internal
 def turn_centre(
-    x: float,
-    y: float,
-    heading_x: float,
-    heading_y: float,
-    signed_radius: float,
+    x: float, y: float, heading_x: float, heading_y: float, signed_radius: float
 ) -> tuple[float, float]:
     """Return the centre [m] of a turn that starts at (x, y) with a unit heading; radius positive
     to the left [m].

@@ -32,10 +32,7 @@ _Words = tuple[np.uint64, np.uint64, np.uint64, np.uint64]
 
 @inlined
 def _advance(
-    s0: np.uint64,
-    s1: np.uint64,
-    s2: np.uint64,
-    s3: np.uint64,
+    s0: np.uint64, s1: np.uint64, s2: np.uint64, s3: np.uint64
 ) -> tuple[np.uint64, _Words]:
     """Return the next 64 random bits and the next state. xoshiro256++."""
     total = s0 + s3
@@ -119,11 +116,7 @@ def draw_noise(
 
 @internal
 def _draw_further(
-    state: NDArray[np.uint64],
-    lane: int,
-    noise: FloatArray,
-    column: int,
-    setting: Any,
+    state: NDArray[np.uint64], lane: int, noise: FloatArray, column: int, setting: Any
 ) -> None:
     """Draw the uniform numbers that only some settings need: rows 4 and 5 for the law, and
     `LOST`.

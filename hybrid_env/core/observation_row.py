@@ -46,10 +46,7 @@ def heading_frame(x: float, y: float, heading_x: float, heading_y: float) -> tup
 
 @inlined
 def innovation_in_frame(
-    innovation: Any,
-    lane: int,
-    heading_x: float,
-    heading_y: float,
+    innovation: Any, lane: int, heading_x: float, heading_y: float
 ) -> tuple[float, float]:
     """Return the clipped whitened innovation of one lane along and across a heading."""
     x = max(min(innovation.white_x[lane], LARGEST), -LARGEST)
@@ -115,11 +112,7 @@ def write_trace(trace: FloatArray, block: Any, lane: int, active_mode: int) -> N
 
 @internal
 def write_segment(
-    row: NDArray[np.float32],
-    block: Any,
-    lane: int,
-    curvatures: FloatArray,
-    setting: Any,
+    row: NDArray[np.float32], block: Any, lane: int, curvatures: FloatArray, setting: Any
 ) -> None:
     """Write the values that are constant over a segment. row: (6 M + 11,); curvatures: (M,) [1/m];
     setting: record `PARAMETERS`.
@@ -262,12 +255,7 @@ def write_twin(row: NDArray[np.float32], block: Any, lane: int, bank: Any, setti
 
 @internal
 def write_tick(
-    row: NDArray[np.float32],
-    block: Any,
-    lane: int,
-    scratch: Any,
-    bank: Any,
-    setting: Any,
+    row: NDArray[np.float32], block: Any, lane: int, scratch: Any, bank: Any, setting: Any
 ) -> None:
     """Write the values of a row, (6 M + 11,), that change with every tick, after
     `compare_hypotheses`.
@@ -298,11 +286,7 @@ def write_tick(
 
 @internal
 def write_quickest_row(
-    row: NDArray[np.float32],
-    block: Any,
-    lane: int,
-    bank: Any,
-    setting: Any,
+    row: NDArray[np.float32], block: Any, lane: int, bank: Any, setting: Any
 ) -> None:
     """Write the observation of a track with unknown switches, (6 M + 3,)."""
     M = bank.hypotheses.size

@@ -56,10 +56,7 @@ def to_position(
 
 @inlined
 def position_noise(
-    x: float,
-    y: float,
-    range_deviation: float,
-    bearing_deviation: float,
+    x: float, y: float, range_deviation: float, bearing_deviation: float
 ) -> tuple[float, float, float]:
     """Return the covariance xx, xy, yy of a position (x, y) relative to the radar from
     `to_position`.
@@ -72,10 +69,7 @@ def position_noise(
 
 @inlined
 def add_information(
-    information: Information,
-    error_x: float,
-    error_y: float,
-    covariance: tuple[float, float, float],
+    information: Information, error_x: float, error_y: float, covariance: tuple[float, float, float]
 ) -> Information:
     """Return the information with that of an independent position. covariance: xx, xy, yy."""
     xx, xy, yy = covariance

@@ -10,13 +10,7 @@ import numpy as np
 
 from hybrid_env.core.banks.bank import estimate_of
 from hybrid_env.core.compilation import formula, inlined, internal
-from hybrid_env.core.memory import (
-    SEGMENT_COLUMNS,
-    FloatArray,
-    Records,
-    state_of,
-    write_lane,
-)
+from hybrid_env.core.memory import SEGMENT_COLUMNS, FloatArray, Records, state_of, write_lane
 from hybrid_env.core.motion import (
     heading_vector,
     linear_motion,
@@ -57,11 +51,7 @@ def draw_first_estimate(block: Any, noise: FloatArray, lane: int, setting: Any) 
 
 @internal
 def begin_motion(
-    block: Any,
-    lane: int,
-    segment: FloatArray,
-    motions: Records | None,
-    tau: float,
+    block: Any, lane: int, segment: FloatArray, motions: Records | None, tau: float
 ) -> None:
     """Begin a segment, a row of the segment table: centre and turn rate follow from the true
     state of the lane, and so does the acceleration of a mode of the user. motions: `MOTION` of
@@ -82,12 +72,7 @@ def begin_motion(
 
 @internal
 def _own_noise(
-    block: Any,
-    lane: int,
-    noise: FloatArray,
-    column: int,
-    motion: Any,
-    setting: Any,
+    block: Any, lane: int, noise: FloatArray, column: int, motion: Any, setting: Any
 ) -> Vector:
     """Return the process noise of a mode with a covariance of its own. Two normal numbers are those
     of all modes; four more are drawn into their column, and the measurement errors are kept.
@@ -103,12 +88,7 @@ def _own_noise(
 
 @internal
 def _move_linear(
-    block: Any,
-    lane: int,
-    noise: FloatArray,
-    column: int,
-    motion: Any,
-    setting: Any,
+    block: Any, lane: int, noise: FloatArray, column: int, motion: Any, setting: Any
 ) -> None:
     """Move the object of one lane by one tick of a linear mode of the user, and measure its
     position.
@@ -130,12 +110,7 @@ def _move_linear(
 
 @formula
 def move_lane(
-    block: Any,
-    lane: int,
-    noise: FloatArray,
-    column: int,
-    motions: Records | None,
-    setting: Any,
+    block: Any, lane: int, noise: FloatArray, column: int, motions: Records | None, setting: Any
 ) -> None:
     """Move the object of one lane by one tick and measure its position; column: that of the
     noise for this tick; motions: as in `begin_motion`.

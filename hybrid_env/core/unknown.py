@@ -54,13 +54,7 @@ def _begin_segment(
 
 @inlined
 def _begin_episode(
-    block: Any,
-    lane: int,
-    i: int,
-    bank: Any,
-    arrays: Any,
-    setting: Any,
-    rare: bool | None,
+    block: Any, lane: int, i: int, bank: Any, arrays: Any, setting: Any, rare: bool | None
 ) -> None:
     """Begin an episode of track i with a segment of a random mode."""
     if rare is not None and setting.drawn_laws > 0:
@@ -79,13 +73,7 @@ def _begin_episode(
 
 @inlined
 def _switch(
-    block: Any,
-    lane: int,
-    i: int,
-    bank: Any,
-    arrays: Any,
-    setting: Any,
-    rare: bool | None,
+    block: Any, lane: int, i: int, bank: Any, arrays: Any, setting: Any, rare: bool | None
 ) -> None:
     """Begin the next segment, with one of the other modes."""
     before = block.true_mode[lane]
@@ -113,14 +101,7 @@ def record_statement(block: Any, lane: int, stated: int) -> bool:
 
 
 @internal
-def _state(
-    block: Any,
-    lane: int,
-    i: int,
-    bank: Any,
-    setting: Any,
-    rare: bool | None,
-) -> int:
+def _state(block: Any, lane: int, i: int, bank: Any, setting: Any, rare: bool | None) -> int:
     """Reward the statement of track i for the present tick. Returns the events of the lane."""
     arrays = arrays_of(setting)
     changed = record_statement(block, lane, arrays.actions[i])
@@ -136,13 +117,7 @@ def _state(
 
 @internal
 def prepare_lane(
-    reset: bool,
-    block: Any,
-    lane: int,
-    i: int,
-    bank: Any,
-    setting: Any,
-    rare: bool | None,
+    reset: bool, block: Any, lane: int, i: int, bank: Any, setting: Any, rare: bool | None
 ) -> int:
     """Apply the action of track i, or begin its next episode. Returns the events of the lane."""
     arrays = arrays_of(setting)
@@ -156,14 +131,7 @@ def prepare_lane(
 
 
 @internal
-def wait_lane(
-    block: Any,
-    lane: int,
-    i: int,
-    bank: Any,
-    setting: Any,
-    rare: bool | None,
-) -> int:
+def wait_lane(block: Any, lane: int, i: int, bank: Any, setting: Any, rare: bool | None) -> int:
     """Repeat the statement of track i; a new episode halts for its first one. Returns the events
     of the lane.
     """
@@ -174,13 +142,7 @@ def wait_lane(
 
 @internal
 def step_irregular(
-    bank: Any,
-    block: Any,
-    first: int,
-    last: int,
-    radii: FloatArray,
-    sensors: Records,
-    setting: Any,
+    bank: Any, block: Any, first: int, last: int, radii: FloatArray, sensors: Records, setting: Any
 ) -> None:
     """Advance every filter where measurements may be missing or of different variances, lane by
     lane.
@@ -197,13 +159,7 @@ def step_irregular(
 
 @internal
 def tick(
-    b: int,
-    block: Any,
-    bank: Any,
-    first: int,
-    last: int,
-    setting: Any,
-    rare: bool | None,
+    b: int, block: Any, bank: Any, first: int, last: int, setting: Any, rare: bool | None
 ) -> None:
     """Advance object and bank of lanes first .. last - 1 of block b, and count the tick."""
     arrays = arrays_of(setting)

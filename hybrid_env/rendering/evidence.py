@@ -132,9 +132,7 @@ def sprt_panel(alpha: float = 0.001) -> EvidencePanel:
 
 
 def posterior_panel(
-    source: str,
-    by_type: bool = False,
-    alpha: float | None = None,
+    source: str, by_type: bool = False, alpha: float | None = None
 ) -> EvidencePanel:
     """Return the panel of posterior probabilities with the threshold 1 - alpha on the posterior of
     a declaration; None draws none.

@@ -26,22 +26,12 @@ SEED = 5_000_000_000
 def record(env_id: str, decider: Any, episodes: int) -> list[EpisodeBuffer]:
     """Return episodes of a decider, or of a function of the observations."""
     make: Any = gym.make_vec
-    vectorized = {
-        "vectorization_mode": "vector_entry_point",
-        "tick_info": True,
-    }
+    vectorized = {"vectorization_mode": "vector_entry_point", "tick_info": True}
     env = make(f"hybrid_env:{env_id}", episodes, **vectorized)
     ticks = []
     lengths = np.zeros(episodes, np.int64)
     for now in rollout(env, decider, SEED):
-        ticks.append(
-            (
-                now.observation,
-                now.info["true_mode"],
-                now.actions,
-                now.rewards,
-            )
-        )
+        ticks.append((now.observation, now.info["true_mode"], now.actions, now.rewards))
         lengths[now.terminated & (lengths == 0)] = now.step
         if lengths.all():
             break

@@ -14,19 +14,8 @@ pytest.importorskip("h5py")
 def test_episodes_of_a_data_set_are_those_of_its_environment(
     tmp_path, monkeypatch, run_study, env_id, rule
 ):
-    flags = [
-        "--env",
-        env_id,
-        "--quick",
-        "--out",
-        str(tmp_path),
-    ]
-    printed = run_study(
-        "datasets",
-        rule,
-        "random",
-        *flags,
-    )
+    flags = ["--env", env_id, "--quick", "--out", str(tmp_path)]
+    printed = run_study("datasets", rule, "random", *flags)
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
     for name in (rule, "random"):
         data = minari.load_dataset(f"{env_id}/{name}-v0")

@@ -37,22 +37,12 @@ class Departures:
         roads = study.quick_roads() if self.quick else study.all_roads(self.deciders)
         episodes = 10 if self.quick else self.episodes
         calls = [
-            joblib.delayed(study.respond)(
-                road,
-                level,
-                episodes,
-                self.seed,
-            )
+            joblib.delayed(study.respond)(road, level, episodes, self.seed)
             for road in roads
             for level in road.levels
         ]
         rows = [row for part in in_parallel(calls, self.jobs, "levels") for row in part]
-        save_results(
-            self.out / "departures",
-            study.markdown(rows),
-            rows,
-            study.figure(rows),
-        )
+        save_results(self.out / "departures", study.markdown(rows), rows, study.figure(rows))
 
 
 if __name__ == "__main__":

@@ -124,29 +124,13 @@ def respond(road: Road, level: str, episodes: int, seed: int) -> list[Row]:
     for name in road.rules:
         decider = find_decider(name, model.options)
         threshold = select_threshold(model, decider, episodes)
-        rules.append(
-            sweep(
-                model,
-                decider,
-                episodes,
-                seed,
-                thresholds=(threshold,),
-            )
-        )
+        rules.append(sweep(model, decider, episodes, seed, thresholds=(threshold,)))
     best = max(rules, key=lambda scores: scores.estimate(goal).value)
     compared = [best]
     for name in road.deciders:
         # Made for the nominal model.
         decider = find_decider(name, task.options)
-        compared.append(
-            sweep(
-                world,
-                decider,
-                episodes,
-                seed,
-                thresholds=(decider.default,),
-            )
-        )
+        compared.append(sweep(world, decider, episodes, seed, thresholds=(decider.default,)))
     return [
         {
             "road": road.title,
@@ -184,21 +168,8 @@ def figure(rows: Sequence[Row]) -> Figure:
     for (road, here), axes in zip(roads, canvas.subplots(2, 2).flat, strict=True):
         for name, curve in here.groupby("decider", sort=False):
             colour = colormaps["tab20"](numbers[name])
-            draw_estimates(
-                axes,
-                curve.level,
-                curve.gap,
-                marker="o",
-                color=colour,
-                label=name,
-            )
-        axes.axhline(
-            0.0,
-            color="0.75",
-            linewidth=0.8,
-            linestyle="--",
-            zorder=0,
-        )
+            draw_estimates(axes, curve.level, curve.gap, marker="o", color=colour, label=name)
+        axes.axhline(0.0, color="0.75", linewidth=0.8, linestyle="--", zorder=0)
         axes.set_xlabel(road)
         axes.legend(frameon=False, fontsize=8)
     canvas.supylabel("reward less that of the best rule that is told")

@@ -6,14 +6,7 @@ import pytest
 
 
 def test_the_quick_form_compares_with_the_rule_that_is_told(tmp_path, run_study):
-    printed = run_study(
-        "departures",
-        "--quick",
-        "--jobs",
-        "1",
-        "--out",
-        str(tmp_path),
-    )
+    printed = run_study("departures", "--quick", "--jobs", "1", "--out", str(tmp_path))
     rows = json.loads((tmp_path / "departures.json").read_text())
 
     assert "Rhythm: durations" in printed

@@ -67,11 +67,7 @@ class FlightAgent(UtilityDecider):
                 f"deciders={name!r}: expected {expected}, or the folder of an agent for these"
                 f" flights ({str(error).splitlines()[0]})"
             ) from None
-        return TurnRule(
-            state=cls(net).state,
-            grid=cls.grid,
-            models=(cls.model,),
-        )
+        return TurnRule(state=cls(net).state, grid=cls.grid, models=(cls.model,))
 
     def state(self, batch: Batch, estimates: TurnEstimates, settings: Settings) -> IntArray:
         """Return the statements (T, B, K) at K settings. Before the first position motion is

@@ -43,30 +43,10 @@ def flight_figure(
     )
     for rows in flight.pieces:
         x, y = flight.positions[rows].T / 1000.0
-        ground.scatter(
-            x,
-            y,
-            40.0,
-            modes[0, rows],
-            alpha=0.3,
-            linewidths=0.0,
-            **style,
-        )
-        ground.scatter(
-            x,
-            y,
-            3.0,
-            modes[1, rows],
-            **style,
-        )
+        ground.scatter(x, y, 40.0, modes[0, rows], alpha=0.3, linewidths=0.0, **style)
+        ground.scatter(x, y, 3.0, modes[1, rows], **style)
         minutes = flight.times[rows] / 60.0
-        mesh = timeline.pcolormesh(
-            minutes,
-            names,
-            modes[:, rows],
-            shading="nearest",
-            **style,
-        )
+        mesh = timeline.pcolormesh(minutes, names, modes[:, rows], shading="nearest", **style)
     ground.set_aspect("equal", adjustable="datalim")
     ground.set(xlabel="x east [km]", ylabel="y north [km]", title=f"narrow: {names[1]}")
     timeline.set(xlabel="t [min]")

@@ -131,12 +131,7 @@ def on_plane(latitudes: FloatArray, longitudes: FloatArray) -> FloatArray:
         round(float(values.min() + values.max()) / 2.0, 6)
         for values in (latitudes, np.unwrap(longitudes, period=360.0))
     )
-    plane = Proj(
-        proj="aeqd",
-        lat_0=latitude,
-        lon_0=longitude,
-        ellps="WGS84",
-    )
+    plane = Proj(proj="aeqd", lat_0=latitude, lon_0=longitude, ellps="WGS84")
     return np.transpose(plane(longitudes, latitudes))
 
 
@@ -161,17 +156,7 @@ def stack_flights(flights: Sequence[Flight], longest: int = 2**31, margin: int =
     present = steps < end
     positions[~present] = np.nan
     counted = (steps >= begin) & (steps < stop)
-    return Batch(
-        offsets,
-        rows,
-        present,
-        counted,
-        times,
-        positions,
-        climbs,
-        across,
-        timing,
-    )
+    return Batch(offsets, rows, present, counted, times, positions, climbs, across, timing)
 
 
 def tier_of(identity: str, received: bool, times: FloatArray) -> Tier:

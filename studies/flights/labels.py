@@ -88,22 +88,11 @@ def label_flights(flights: Sequence[Flight]) -> list[Labels]:
     squares = vx**2 + vy**2
     rates = batch.unstack((vx * ay - vy * ax) / np.maximum(squares, 1e-12))
     speeds = batch.unstack(np.sqrt(squares))
-    return [
-        label_flight(*each, rules)
-        for each in zip(
-            flights,
-            rates,
-            speeds,
-            strict=True,
-        )
-    ]
+    return [label_flight(*each, rules) for each in zip(flights, rates, speeds, strict=True)]
 
 
 def label_flight(
-    flight: Flight,
-    rates: FloatArray,
-    speeds: FloatArray,
-    rules: LabelRules,
+    flight: Flight, rates: FloatArray, speeds: FloatArray, rules: LabelRules
 ) -> Labels:
     """Return the labels of one flight with turn rates (n,) [rad/s] and speeds [m/s]; rows outside
     of its pieces are not scored.
@@ -178,9 +167,7 @@ def row_edges(times: FloatArray) -> FloatArray:
 
 
 def find_turns(
-    edges: FloatArray,
-    rates: FloatArray,
-    rules: LabelRules,
+    edges: FloatArray, rates: FloatArray, rules: LabelRules
 ) -> tuple[IntArray, BoolArray]:
     """Return the mode of every row, (n,), and whether its turn rate exceeds the bound.
 
@@ -213,21 +200,11 @@ def angle_rates(times: FloatArray, angles: FloatArray, window: float = 10.0) -> 
     """
     t, a = times - times[0], np.unwrap(angles)
     rows = np.stack([np.ones(len(t)), t, a, t * t, t * a], axis=1)
-    count, t, a, tt, ta = window_sums(
-        times,
-        window,
-        rows,
-        1,
-    ).T
+    count, t, a, tt, ta = window_sums(times, window, rows, 1).T
     return (ta - t * a / count) / np.maximum(tt - t * t / count, 1e-9)
 
 
-def window_sums(
-    times: FloatArray,
-    width: float,
-    values: FloatArray,
-    least: int = 0,
-) -> FloatArray:
+def window_sums(times: FloatArray, width: float, values: FloatArray, least: int = 0) -> FloatArray:
     """Return sums of values (n, ...) over the rows within half a width [s] before and after each
     row, and over at least so many rows before and after it.
     """

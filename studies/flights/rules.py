@@ -64,11 +64,7 @@ class TurnRule:
     beam: Mapping[str, Any] | None = None
 
     def statements(
-        self,
-        batch: Batch,
-        estimates: TurnEstimates,
-        settings: Settings,
-        model: TurnModel,
+        self, batch: Batch, estimates: TurnEstimates, settings: Settings, model: TurnModel
     ) -> IntArray:
         """Return the statements (T, B, K) at K settings, with the output of the IMM for a model."""
         if self.beam is not None:

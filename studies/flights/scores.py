@@ -28,14 +28,10 @@ STATISTICS = {
     "misses": Statistic(("missed", "switches"), quotient),
     # False changes in an hour of scored time.
     "false_per_hour": Statistic(
-        ("false", "scored"),
-        lambda false, scored: 3600.0 * quotient(false, scored),
+        ("false", "scored"), lambda false, scored: 3600.0 * quotient(false, scored)
     ),
     # Delay and share of misses of the changes to turns, and to straight motion.
-    "enter": Statistic(
-        CHANGES,
-        lambda n, m, d, ends, me, de: quotient(d - de, n - m - ends + me),
-    ),
+    "enter": Statistic(CHANGES, lambda n, m, d, ends, me, de: quotient(d - de, n - m - ends + me)),
     "leave": Statistic(CHANGES[3:], lambda ends, missed, delay: quotient(delay, ends - missed)),
     "misses_in": Statistic(CHANGES, lambda n, m, d, ends, me, de: quotient(m - me, n - ends)),
     "misses_out": Statistic(("missed_ends", "ends"), quotient),
@@ -60,13 +56,7 @@ def score_flights(pairs: Sequence[Pair], stated: Sequence[IntArray]) -> Scores:
                 scored,
             )
             totals[k, :, column] += count_timeline(timeline, normal=STRAIGHT)[0]
-    return Scores(
-        "",
-        "",
-        tuple(map(float, range(count))),
-        TimelineCounts._fields,
-        totals,
-    )
+    return Scores("", "", tuple(map(float, range(count))), TimelineCounts._fields, totals)
 
 
 def value(scores: Scores, name: str = "agreement") -> float:

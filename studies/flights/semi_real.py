@@ -25,11 +25,7 @@ WORLD = QuickestOptions(start="random")
 DEVIATION = float(np.sqrt(WORLD.variances[0]))
 
 
-def semi_real_flight(
-    flight: Flight,
-    labels: Labels,
-    generator: np.random.Generator,
-) -> Pair:
+def semi_real_flight(flight: Flight, labels: Labels, generator: np.random.Generator) -> Pair:
     """Return a flight at ticks of 1 s with white noise, and its labels. The speed v is the median
     over the ticks at speeds that are scored. The tier has sigma as `across`, and no error of the
     time. A tick has the label of the nearest position; it is not scored if that is not, or is 1.5

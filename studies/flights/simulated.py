@@ -116,15 +116,7 @@ def simulate_flight(
             time += lasting()
             side = 0.0
     speeds = np.full(len(grid), log_uniform(generator, *world.speeds))
-    return fly(
-        identity,
-        tier,
-        times,
-        wanted,
-        speeds,
-        generator,
-        world,
-    )
+    return fly(identity, tier, times, wanted, speeds, generator, world)
 
 
 def twin(flight: Flight, labels: Labels, generator: Generator) -> Pair:
@@ -141,15 +133,7 @@ def twin(flight: Flight, labels: Labels, generator: Generator) -> Pair:
     speeds = np.interp(grid, times, np.clip(labels.speeds, 1.0, 400.0))
     smooth = np.convolve(np.pad(speeds, 30, mode="edge"), np.ones(61) / 61.0, "valid")
     name = f"twin of {flight.identity}"
-    return fly(
-        name,
-        flight.tier,
-        times,
-        wanted,
-        smooth,
-        generator,
-        FlightWorld(),
-    )
+    return fly(name, flight.tier, times, wanted, smooth, generator, FlightWorld())
 
 
 def fly(
@@ -168,18 +152,8 @@ def fly(
     width = max(round(world.roll / GRID), 1)
     padded = np.pad(wanted, (width - 1, 0), mode="edge")
     rolled = np.convolve(padded, np.ones(width) / width, "valid")
-    jitter = coloured(
-        len(grid),
-        world.jitter,
-        world.jitter_time,
-        generator,
-    )
-    wander = coloured(
-        len(grid),
-        world.wander,
-        world.wander_time,
-        generator,
-    )
+    jitter = coloured(len(grid), world.jitter, world.jitter_time, generator)
+    wander = coloured(len(grid), world.wander, world.wander_time, generator)
     rates = rolled * (1.0 + jitter) + wander
     path, moved = flown_path(rates, speeds, generator)
     scale = np.sqrt((world.freedom - 2.0) / world.freedom)
@@ -189,36 +163,18 @@ def fly(
     # Outside of the grid.
     before, after = np.minimum(when, 0.0), np.maximum(when - grid[-1], 0.0)
     positions += np.outer(before, moved[0] / GRID) + np.outer(after, moved[-1] / GRID)
-    flight = Flight(
-        identity,
-        tier,
-        times,
-        positions,
-    )
+    flight = Flight(identity, tier, times, positions)
     true_rates, speed = (np.interp(times, grid, values) for values in (rates, speeds))
-    return flight, label_flight(
-        flight,
-        true_rates,
-        speed,
-        LabelRules(),
-    )
+    return flight, label_flight(flight, true_rates, speed, LabelRules())
 
 
-def log_uniform(
-    generator: Generator,
-    low: float,
-    high: float,
-    count: int | None = None,
-) -> Any:
+def log_uniform(generator: Generator, low: float, high: float, count: int | None = None) -> Any:
     """Return a number, or (count,) numbers, that are uniform in their logarithm."""
     return np.exp(generator.uniform(np.log(low), np.log(high), count))
 
 
 def flown_path(
-    rates: FloatArray,
-    speeds: FloatArray,
-    generator: Generator,
-    wind: FloatArray | float = 0.0,
+    rates: FloatArray, speeds: FloatArray, generator: Generator, wind: FloatArray | float = 0.0
 ) -> tuple[FloatArray, FloatArray]:
     """Return the path (g, 2) and its moves until the next row [m], in any first direction. From
     turn rates (g,) [rad/s], speeds (g,) and wind (g, 2) [m/s], every half second.
@@ -229,12 +185,7 @@ def flown_path(
     return np.cumsum(moved, axis=0) - moved, moved
 
 
-def coloured(
-    count: int,
-    deviation: float,
-    time: float,
-    generator: Generator,
-) -> FloatArray:
+def coloured(count: int, deviation: float, time: float, generator: Generator) -> FloatArray:
     """Return noise with an exponential autocorrelation (Ornstein-Uhlenbeck), (count,)."""
     kept = np.exp(-GRID / time)
     white = deviation * generator.standard_normal(count)

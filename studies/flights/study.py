@@ -65,9 +65,7 @@ def find(name: str, form: str) -> Any:
 
 
 def read_flights(
-    source: Path | None,
-    identities: Sequence[str],
-    tiers: Sequence[str],
+    source: Path | None, identities: Sequence[str], tiers: Sequence[str]
 ) -> list[Flight]:
     """Return the flights of identities, or those of the tiers; see `sample_flight` for the
     source.
@@ -82,13 +80,7 @@ def quick_flights(duration: float = 600.0) -> list[Flight]:
     """Return short simulated flights [s] in the place of recorded ones."""
     generator = np.random.default_rng(TWIN_SEED)
     return [
-        simulate_flight(
-            TIERS[name],
-            duration,
-            generator,
-            FlightWorld(),
-            f"simulated:{name}:0",
-        )[0]
+        simulate_flight(TIERS[name], duration, generator, FlightWorld(), f"simulated:{name}:0")[0]
         for name in "ABC"
     ]
 
@@ -116,19 +108,11 @@ def compare_on_flights(flights: list[Flight], names: Sequence[str], form: str) -
     stated = state_modes([flight for flight, _ in pairs], deciders, form)
     stated[LABELS] = [late_modes(*pair) for pair in pairs]
     scores = {name: score_flights(pairs, stated[name]) for name in stated}
-    return FlightComparison(
-        form,
-        pairs,
-        stated,
-        scores,
-        twins,
-    )
+    return FlightComparison(form, pairs, stated, scores, twins)
 
 
 def state_modes(
-    flights: Sequence[Flight],
-    deciders: dict[str, Any],
-    form: str,
+    flights: Sequence[Flight], deciders: dict[str, Any], form: str
 ) -> dict[str, list[IntArray]]:
     """Return the statements of each decider on each flight, (n, 1); 0 outside of its pieces."""
     if form == "semi-real":
@@ -136,14 +120,7 @@ def state_modes(
     batch = stack_flights(flights)
     imm = run_turn_imm(batch, TurnModel())
     return {
-        name: batch.unstack(
-            rule.statements(
-                batch,
-                imm,
-                settings,
-                TurnModel(),
-            )
-        )
+        name: batch.unstack(rule.statements(batch, imm, settings, TurnModel()))
         for name, (rule, settings) in deciders.items()
     }
 
@@ -186,9 +163,4 @@ def picture(result: FlightComparison, k: int) -> Figure:
     name = next(iter(stated))
     agrees = value(result.scores[name].some([k]))
     title = f"{flight.identity}, tier {flight.tier.name}: {name} agrees {agrees:.1%}"
-    return flight_figure(
-        flight,
-        labels.shown,
-        stated,
-        title,
-    )
+    return flight_figure(flight, labels.shown, stated, title)

@@ -70,12 +70,7 @@ def test_the_filter_with_one_model_is_a_kalman_filter(flight):
     spread = np.diag([variance, 1e4, variance, 1e4])
     kalman = KalmanFilter(MotionModel("CV", 2, 0.1), variance)
     kalman.begin_from(np.column_stack(first).reshape(1, 4), spread)
-    filtered = run_filter(
-        kalman,
-        batch.positions[1:],
-        batch.times[1:],
-        begun=0.0,
-    )
+    filtered = run_filter(kalman, batch.positions[1:], batch.times[1:], begun=0.0)
     speeds = np.hypot(*np.moveaxis(filtered.velocities[:, 0], -1, 0))
 
     np.testing.assert_allclose(run_turn_imm(batch, model).speeds[1:, 0], speeds, rtol=1e-6)
@@ -96,14 +91,7 @@ def test_the_beam_has_all_histories_of_a_few_positions():
         0.0, 2.0, (22, 2)
     )
     batch = stack_flights(
-        [
-            Flight(
-                "",
-                TIERS["B"]._replace(across=2.0, timing=0.0),
-                times,
-                positions,
-            )
-        ]
+        [Flight("", TIERS["B"]._replace(across=2.0, timing=0.0), times, positions)]
     )
     model = TurnModel(rates=(0.0, 2.0, -2.0), straight=10.0, turn=6.0)
     leave = 1.0 / np.array([10.0, 6.0, 6.0])
@@ -122,30 +110,15 @@ def test_the_beam_has_all_histories_of_a_few_positions():
             log_weight += likelihood.item()
         weights[sequence[-1]] += np.exp(log_weight)
 
-    probabilities = run_turn_beam(
-        batch,
-        model,
-        shortest=(0.0, 1e-9),
-        branches=60,
-    )[4, 0]
+    probabilities = run_turn_beam(batch, model, shortest=(0.0, 1e-9), branches=60)[4, 0]
     np.testing.assert_allclose(probabilities, weights / weights.sum(), atol=0.01)
 
 
 def test_deciders_of_the_environment_read_flights():
     # With hardly any noise or jitter, so that the truth is known.
-    world = FlightWorld(
-        jitter=1e-6,
-        wander=1e-9,
-        rates=(0.039, 0.041),
-        speeds=(89.0, 91.0),
-    )
+    world = FlightWorld(jitter=1e-6, wander=1e-9, rates=(0.039, 0.041), speeds=(89.0, 91.0))
     tier = TIERS["B"]._replace(across=0.1, timing=1e-3)
-    pair = simulate_flight(
-        tier,
-        1500.0,
-        np.random.default_rng(2),
-        world,
-    )
+    pair = simulate_flight(tier, 1500.0, np.random.default_rng(2), world)
     noisy, labels = semi_real_flight(*pair, np.random.default_rng(1))
     stated = state_semi_real(ThresholdDecider(0.6), [noisy])
 

@@ -37,10 +37,7 @@ class Histories(NamedTuple):
 
 
 def run_turn_beam(
-    batch: Batch,
-    model: TurnModel,
-    shortest: tuple[float, float] = (0.0, 6.0),
-    branches: int = 40,
+    batch: Batch, model: TurnModel, shortest: tuple[float, float] = (0.0, 6.0), branches: int = 40
 ) -> FloatArray:
     """Return the probabilities (T, B, 3) of straight motion, left and right turns at every
     position.
@@ -58,33 +55,12 @@ def run_turn_beam(
     # One history of each turn rate, in the midst of its mode.
     start = np.arange(len(omega)), np.where(modes == STRAIGHT, *shortest), np.log(model.start)
     rates, ages, log_weights = (np.tile(values, (len(tracks), 1)) for values in start)
-    beam = Histories(
-        *start_turns(batch, len(omega), model),
-        rates,
-        ages,
-        log_weights,
-    )
+    beam = Histories(*start_turns(batch, len(omega), model), rates, ages, log_weights)
     for k, dt in enumerate(batch.steps):
         if k:
-            beam = _branch(
-                beam,
-                dt[:, None],
-                model,
-                shortest,
-            )
-            filters = (
-                beam.state,
-                beam.covariance,
-                omega[beam.model],
-                np.exp(beam.log_weight),
-            )
-            state, covariance, log_likelihood, _ = step_turns(
-                batch,
-                k,
-                dt,
-                *filters,
-                model,
-            )
+            beam = _branch(beam, dt[:, None], model, shortest)
+            filters = (beam.state, beam.covariance, omega[beam.model], np.exp(beam.log_weight))
+            state, covariance, log_likelihood, _ = step_turns(batch, k, dt, *filters, model)
             log_weight = beam.log_weight + log_likelihood
             # The most probable ones, with normalised weights.
             best = np.argsort(-log_weight, axis=1, kind="stable")[:, :branches]
@@ -102,10 +78,7 @@ def run_turn_beam(
 
 
 def _branch(
-    beam: Histories,
-    dt: FloatArray,
-    model: TurnModel,
-    shortest: tuple[float, float],
+    beam: Histories, dt: FloatArray, model: TurnModel, shortest: tuple[float, float]
 ) -> Histories:
     """Return each history as it goes on, after steps (B, 1) [s], then changes to each turn rate in
     another and in the same mode.

@@ -113,22 +113,14 @@ class TurnModel:
         count = alike.sum(0)
         # Most turns end in straight motion.
         ends = np.where(modes == STRAIGHT, 0.9, 0.1 / count) / self.turn
-        matrix = np.where(
-            alike,
-            1.0 / self.within / np.maximum(count - 1, 1),
-            ends,
-        )
+        matrix = np.where(alike, 1.0 / self.within / np.maximum(count - 1, 1), ends)
         matrix[modes == STRAIGHT] = 1.0 / self.straight / max((modes != STRAIGHT).sum(), 1)
         np.fill_diagonal(matrix, 0.0)
         return matrix - np.diag(matrix.sum(1))
 
 
 def start_turns(
-    batch: Batch,
-    count: int,
-    model: TurnModel,
-    speed: float = 100.0,
-    wind: float = 5.0,
+    batch: Batch, count: int, model: TurnModel, speed: float = 100.0, wind: float = 5.0
 ) -> tuple[FloatArray, FloatArray]:
     """Return states (B, K, n) and covariances (B, K, n, n) of K equal filters at the first
     positions; `speed` and `wind` are standard deviations of the components of velocities [m/s].
@@ -189,12 +181,7 @@ def step_turns(
     spread = (weights[..., None, None] * predicted).sum(1) + noise
     along = velocity / np.maximum(np.hypot(*velocity.T), 1e-9)[:, None]
     frame = np.stack([along, along[:, ::-1] * [-1.0, 1.0]], -2)
-    variances = np.einsum(
-        "bij,bjk,bik->bi",
-        frame,
-        spread,
-        frame,
-    )
+    variances = np.einsum("bij,bjk,bik->bi", frame, spread, frame)
     turned = (frame @ (position - mean[:, ::m])[..., None])[..., 0]
     return (
         np.where(used[..., None], corrected, state),
@@ -205,9 +192,7 @@ def step_turns(
 
 
 def student_t(
-    innovation: FloatArray,
-    spread: FloatArray,
-    freedom: float,
+    innovation: FloatArray, spread: FloatArray, freedom: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return weights, by which variances are divided, and log-likelihoods, (...) each, of
     innovations (..., 2) with a Student t distribution of covariances (..., 2, 2). The weight is the
@@ -231,9 +216,7 @@ def symmetric(matrix: FloatArray) -> FloatArray:
 
 
 def turn_motion(
-    rates: FloatArray,
-    dt: FloatArray,
-    model: TurnModel,
+    rates: FloatArray, dt: FloatArray, model: TurnModel
 ) -> tuple[FloatArray, FloatArray]:
     """Return transition matrices and covariances of the noise, (..., n, n), of turns with rates
     [rad/s] in steps [s], whose shapes broadcast.
@@ -246,18 +229,8 @@ def turn_motion(
     if model.wind:
         # It stands behind position and velocity of each axis, and moves the position.
         for axis in (-2, -1):
-            moved = np.insert(
-                moved,
-                (2, 4),
-                0.0,
-                axis,
-            )
-            noise = np.insert(
-                noise,
-                (2, 4),
-                0.0,
-                axis,
-            )
+            moved = np.insert(moved, (2, 4), 0.0, axis)
+            noise = np.insert(noise, (2, 4), 0.0, axis)
         for x in (0, 3):
             moved[..., x, x + 2] = dt
             moved[..., x + 2, x + 2] = 1.0

@@ -66,20 +66,10 @@ class Gliders:
             raise ArgumentError(f"source: expected {EXPECTED}")
         else:
             flights, copies = read_halves(self.source, self.sealed), simulated()
-        calls = [
-            delayed(compare_rule)(
-                name,
-                flights,
-                copies,
-                settings,
-            )
-            for name in names
-        ]
+        calls = [delayed(compare_rule)(name, flights, copies, settings) for name in names]
         results = dict(zip(names, in_parallel(calls, self.jobs, "deciders"), strict=True))
         save_results(
-            self.out / "gliders",
-            *report(flights, copies, results),
-            picture(flights, results),
+            self.out / "gliders", *report(flights, copies, results), picture(flights, results)
         )
 
 

@@ -26,13 +26,7 @@ from studies.flights.labels import (
 )
 from studies.flights.turns import BoolArray, FloatArray, IntArray
 
-CIRCLES = LabelRules(
-    peak=4.0,
-    bound=4.0,
-    change=270.0,
-    duration=0.0,
-    merge=10.0,
-)
+CIRCLES = LabelRules(peak=4.0, bound=4.0, change=270.0, duration=0.0, merge=10.0)
 """Circles of rule a."""
 NOT_FLYING = -1
 
@@ -102,9 +96,7 @@ def hodograph_wind(times: FloatArray, velocities: FloatArray, window: float = 40
 
 
 def circles(
-    flight: Flight,
-    rates: FloatArray,
-    rules: LabelRules = CIRCLES,
+    flight: Flight, rates: FloatArray, rules: LabelRules = CIRCLES
 ) -> tuple[IntArray, BoolArray]:
     """Return the modes (n,) of a flight with turn rates (n,) [rad/s], and where they are
     doubtful: turns of 180 to 270 deg are neither circles nor straight flight.
@@ -136,14 +128,7 @@ def label_glider(flight: Flight, motion: AirMotion, decoded: IntArray) -> Labels
     if known.size:
         middle = 0.5 * (known[1:] + known[:-1])
         modes = modes[known][np.searchsorted(middle, np.arange(len(modes)))]
-    return Labels(
-        flight.times,
-        modes,
-        scored,
-        weights * scored,
-        motion.rates,
-        motion.speeds,
-    )
+    return Labels(flight.times, modes, scored, weights * scored, motion.rates, motion.speeds)
 
 
 def decode(records: Sequence[bytes]) -> IntArray:

@@ -17,9 +17,7 @@ from studies.gliders.study import LEVELS, RuleResults
 
 
 def report(
-    flights: Sequence[Pair],
-    copies: Sequence[Pair],
-    rules: Mapping[str, RuleResults],
+    flights: Sequence[Pair], copies: Sequence[Pair], rules: Mapping[str, RuleResults]
 ) -> tuple[str, dict[str, Any]]:
     """Return the tables of each level, for the open logs and for the sealed ones, and of the
     simulated flights; and settings, statistics and percentiles.
@@ -73,9 +71,7 @@ def samples(pairs: Sequence[Pair], inner: int = 3) -> dict[str, FloatArray]:
 
 
 def picture(
-    flights: Sequence[Pair],
-    rules: Mapping[str, RuleResults],
-    seconds: float = 600.0,
+    flights: Sequence[Pair], rules: Mapping[str, RuleResults], seconds: float = 600.0
 ) -> Figure:
     """Draw the time [s] from the first circle of the flight with the median agreement of the first
     rule.

@@ -108,14 +108,12 @@ RULES = {
     "imm": TurnRule(grid=PROBABILITIES, models=MODELS),
     # Circles drift.
     "imm-wind": TurnRule(
-        grid=PROBABILITIES,
-        models=tuple(replace(model, wind=0.01) for model in MODELS),
+        grid=PROBABILITIES, models=tuple(replace(model, wind=0.01) for model in MODELS)
     ),
     # Gliders circle where the air rises.
     "imm-climb": TurnRule(grid=PROBABILITIES, models=CLIMBING),
     "imm-wind-climb": TurnRule(
-        grid=PROBABILITIES,
-        models=tuple(replace(model, wind=0.01) for model in CLIMBING),
+        grid=PROBABILITIES, models=tuple(replace(model, wind=0.01) for model in CLIMBING)
     ),
     # The semi-Markov posterior, in which a circle lasts at least 15 s.
     "beam": TurnRule(
@@ -136,18 +134,11 @@ RULES = {
             )
         ),
     ),
-    "xcsoar-default": TurnRule(
-        state=by_rate,
-        grid=((4.0, 15.0, 10.0),),
-    ),
+    "xcsoar-default": TurnRule(state=by_rate, grid=((4.0, 15.0, 10.0),)),
     "angle": TurnRule(
         state=by_angle,
         grid=tuple(
-            product(
-                (8.0, 12.0, 16.0),
-                (90.0, 120.0, 150.0, 180.0),
-                (20.0, 30.0, 45.0, 60.0),
-            )
+            product((8.0, 12.0, 16.0), (90.0, 120.0, 150.0, 180.0), (20.0, 30.0, 45.0, 60.0))
         ),
     ),
 }

@@ -83,12 +83,7 @@ def simulate_glider(seconds: float, generator: Generator) -> Flight:
     ranges = RANGES.items()
     world = SimpleNamespace(**{name: log_uniform(generator, *bounds) for name, bounds in ranges})
     grid = np.arange(0.0, seconds + 2.0 * GRID, GRID)
-    path, altitudes = _fly(
-        world,
-        seconds,
-        grid,
-        generator,
-    )
+    path, altitudes = _fly(world, seconds, grid, generator)
     times = np.arange(0.0, seconds, STEP)
     times = times[generator.uniform(size=len(times)) >= world.missing]
     # Rounding of the latitude in logs [m].
@@ -108,21 +103,13 @@ def simulate_glider(seconds: float, generator: Generator) -> Flight:
 
 
 def _fly(
-    world: SimpleNamespace,
-    seconds: float,
-    grid: FloatArray,
-    generator: Generator,
+    world: SimpleNamespace, seconds: float, grid: FloatArray, generator: Generator
 ) -> tuple[FloatArray, FloatArray]:
     """Return the path (g, 2) and the altitude (g,) at times (g,) [m]."""
     n = int(seconds / 5.0) + 8
 
     def drawn(low: float, high: float) -> FloatArray:
-        return log_uniform(
-            generator,
-            low,
-            high,
-            n,
-        )
+        return log_uniform(generator, low, high, n)
 
     gaps = world.straight * np.exp(1.2 * generator.standard_normal(n))
     gaps[0] *= generator.uniform()
@@ -155,12 +142,7 @@ def _fly(
     )
 
     def noise(deviation: float, time: float) -> FloatArray:
-        return coloured(
-            len(grid),
-            deviation,
-            time,
-            generator,
-        )
+        return coloured(len(grid), deviation, time, generator)
 
     def phase() -> float:
         return float(generator.uniform(0.0, 2.0 * np.pi))
@@ -188,12 +170,7 @@ def _fly(
         mean + noise(0.2 * world.wind, 600.0) + rough * noise(world.gusts, world.gust_time)
         for mean in (world.wind * np.cos(angle), world.wind * np.sin(angle))
     ]
-    path, _ = flown_path(
-        np.radians(rates),
-        speeds,
-        generator,
-        np.column_stack(wind),
-    )
+    path, _ = flown_path(np.radians(rates), speeds, generator, np.column_stack(wind))
     # Lift begins before the circles and ends about with them.
     begins, ends, *_ = circles
     ends = np.maximum(ends + generator.uniform(-8.0, 30.0, n), begins + 4.0)
@@ -219,12 +196,7 @@ def label_gliders(flights: Sequence[Flight]) -> list[Labels]:
     decoded = decode_fast(fast).T
     return [
         label_glider(flight, motion, states[: len(flight.times)])
-        for flight, motion, states in zip(
-            flights,
-            air_motion(flights),
-            decoded,
-            strict=True,
-        )
+        for flight, motion, states in zip(flights, air_motion(flights), decoded, strict=True)
     ]
 
 

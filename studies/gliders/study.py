@@ -64,10 +64,7 @@ def find_rule(name: str) -> TurnRule:
     return DECIDERS[name] if name in DECIDERS else GliderAgent.rule(name, DECIDERS)
 
 
-def glider_statements(
-    flights: Sequence[Flight],
-    settings: Sequence[Setting],
-) -> list[IntArray]:
+def glider_statements(flights: Sequence[Flight], settings: Sequence[Setting]) -> list[IntArray]:
     """Return the statements (n, K) of a rule at K settings on each flight; 0 outside of its
     pieces.
     """
@@ -78,21 +75,11 @@ def glider_statements(
         columns = [column for column, setting in enumerate(settings) if setting.model == k]
         numbers = [settings[column].numbers for column in columns]
         estimates = run_turn_imm(batch, rule.models[k])
-        stated[..., columns] = rule.statements(
-            batch,
-            estimates,
-            numbers,
-            rule.models[k],
-        )
+        stated[..., columns] = rule.statements(batch, estimates, numbers, rule.models[k])
     return batch.unstack(stated)
 
 
-def select(
-    scores: Scores,
-    rows: Sequence[int],
-    level: float,
-    for_delays: bool = False,
-) -> int:
+def select(scores: Scores, rows: Sequence[int], level: float, for_delays: bool = False) -> int:
     """Return the best setting on some flights among those with few enough false changes an hour.
 
     The best setting has the largest agreement. For delays it has the smallest sum of the mean delay
@@ -115,12 +102,7 @@ def read_halves(source: Path, sealed: bool = False) -> list[Pair]:
         logs = {name: parse_igc(name, text) for name, text in read_logs(source, half).items()}
         flights = [glider_flight(name, half, log) for name, log in logs.items()]
         decoded = [decode(log.records) for log in logs.values()]
-        labels = map(
-            label_glider,
-            flights,
-            air_motion(flights),
-            decoded,
-        )
+        labels = map(label_glider, flights, air_motion(flights), decoded)
         pairs += zip(flights, labels, strict=True)
     return pairs
 
@@ -142,10 +124,7 @@ def quick_halves() -> list[Pair]:
 
 
 def compare_rule(
-    name: str,
-    flights: list[Pair],
-    copies: list[Pair],
-    sealed: Mapping[str, Any],
+    name: str, flights: list[Pair], copies: list[Pair], sealed: Mapping[str, Any]
 ) -> RuleResults:
     """Return the results of a rule.
 

@@ -120,12 +120,7 @@ def test_a_short_training_gives_an_agent_with_several_settings(tmp_path, monkeyp
     monkeypatch.setattr(Gliders, "curve_flights", (2,))
     small = ("flights=[4]", "rows=300", "n_steps=100", "hidden=6", "learning_rate=0.02")
     folder = tmp_path / "mine"
-    train(
-        "studies/gliders/gliders.yml",
-        out=folder,
-        steps=10_000,
-        changes=small,
-    )
+    train("studies/gliders/gliders.yml", out=folder, steps=10_000, changes=small)
     flights = [simulate_glider(1500.0, np.random.default_rng(3))]
     settings = [Setting(str(folder), 0, (margin, margin)) for margin in (0.0, 3.0)]
     (stated,) = glider_statements(flights, settings)
@@ -153,15 +148,7 @@ def test_rules_are_compared_on_open_logs_with_settings_of_the_other_half(folder,
     grid = (4.0, 6.0, 4.0), (7.0, 10.0, 6.0)
     monkeypatch.setitem(study.DECIDERS, "xcsoar", replace(RULES["xcsoar"], grid=grid))
     pairs = study.read_halves(folder)
-    results = {
-        name: study.compare_rule(
-            name,
-            pairs,
-            pairs,
-            {},
-        )
-        for name in ("imm-climb", "xcsoar")
-    }
+    results = {name: study.compare_rule(name, pairs, pairs, {}) for name in ("imm-climb", "xcsoar")}
     text, content = report(pairs, pairs, results)
     ours, theirs = content["groups"]["both halves"]["5"].values()
 

@@ -61,15 +61,7 @@ class League:
         self.out.mkdir(parents=True, exist_ok=True)
         played = [play(name, episodes, self.jobs) for name in track(deciders, "Playing")]
         played += [
-            play_family(
-                recipe,
-                seeds,
-                steps,
-                episodes,
-                self.jobs,
-                self.out,
-                tracks,
-            )
+            play_family(recipe, seeds, steps, episodes, self.jobs, self.out, tracks)
             for recipe in track(recipes, "Training")
         ]
         entries = [*({entry["title"]: entry for entry in (*shown, *played)}).values()]

@@ -77,11 +77,7 @@ class Distilled(SegmentAlgorithm):
         return -(teaching * self.net(*of_rows)).sum(-1).mean()
 
 
-def taught(
-    teacher: Any,
-    rows: Rows,
-    counts: NDArray[np.int64],
-) -> NDArray[np.float64]:
+def taught(teacher: Any, rows: Rows, counts: NDArray[np.int64]) -> NDArray[np.float64]:
     """Return the posterior (n, M) of a decider on rows (n, width) of whole episodes, each of
     `counts` (E,) rows.
     """

@@ -38,10 +38,7 @@ from studies.league.protocol import (
 )
 
 # Environments of the trainings, and the worlds in which decisions are timed.
-HOMES = {
-    THREE: "R = 0.1",
-    QUICKEST: "unknown, R = 0.1",
-}
+HOMES = {THREE: "R = 0.1", QUICKEST: "unknown, R = 0.1"}
 
 
 def probe(name: str, world: str, threshold: float, tracks: int) -> tuple[float, float]:
@@ -99,12 +96,7 @@ def find_recipe(name: str) -> tuple[str, str]:
 
 
 def play_agent(
-    file: str,
-    env_id: str,
-    number: int,
-    steps: int | None,
-    episodes: Mapping[str, int],
-    out: Path,
+    file: str, env_id: str, number: int, steps: int | None, episodes: Mapping[str, int], out: Path
 ) -> tuple[Path, dict[str, Any]]:
     """Train an agent of a recipe in a run folder below `out`, or go on with it, and play it in the
     worlds of its environment; return the folder and the entry. The entry stays in the folder, and
@@ -112,14 +104,7 @@ def play_agent(
     """
     name = load_recipe(file, env_id).name
     folder = out / "agents" / f"{name}-{steps or 'all'}-seed{number}"
-    train(
-        file,
-        env_id,
-        out=folder,
-        seed=number,
-        steps=steps,
-        resume=True,
-    )
+    train(file, env_id, out=folder, seed=number, steps=steps, resume=True)
     path = folder / "league.json"
     if not path.is_file():
         worlds = {world: n for world, n in episodes.items() if WORLDS[world][0] == env_id}
@@ -143,14 +128,7 @@ def play_family(
     file, env_id = find_recipe(recipe)
     home = HOMES[env_id]
     agents = joblib.Parallel(n_jobs=jobs)(
-        joblib.delayed(play_agent)(
-            file,
-            env_id,
-            number,
-            steps,
-            episodes,
-            out,
-        )
+        joblib.delayed(play_agent)(file, env_id, number, steps, episodes, out)
         for number in range(training_seeds)
     )
     # One after the other, for the sake of times.
@@ -158,17 +136,7 @@ def play_family(
     for folder, entry in agents:
         card = json.loads((folder / "policy.json").read_text(encoding="utf-8"))
         threshold = entry["worlds"][home]["threshold"]
-        costs.append(
-            (
-                *probe(
-                    str(folder),
-                    home,
-                    threshold,
-                    tracks,
-                ),
-                card["seconds"],
-            )
-        )
+        costs.append((*probe(str(folder), home, threshold, tracks), card["seconds"]))
     means = [float(mean) if np.isfinite(mean) else None for mean in np.mean(costs, 0)]
     entries = [entry for _, entry in agents]
     worlds = {}
@@ -182,13 +150,7 @@ def play_family(
         }
     title = load_recipe(file, env_id).name
     cost = dict(zip(("calibration", "microseconds", "seconds"), means, strict=True))
-    return make_entry(
-        title,
-        title,
-        entries[0]["kind"],
-        worlds,
-        cost,
-    )
+    return make_entry(title, title, entries[0]["kind"], worlds, cost)
 
 
 def interquartile_mean(rewards: NDArray[np.float64], resamples: int = 2000) -> Estimate:

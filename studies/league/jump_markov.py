@@ -79,10 +79,7 @@ class JumpMarkovNet(nn.Module):
             self.filter.gain[2].get_parameter("bias").copy_(gain.flatten())
 
     def forward(
-        self,
-        inputs: Tensor,
-        log_probability: Tensor,
-        memory: JumpMarkovState | None = None,
+        self, inputs: Tensor, log_probability: Tensor, memory: JumpMarkovState | None = None
     ) -> StatementOutputs:
         """Process T ticks of N tracks, (T, N, 6 + M - 1).
 
@@ -101,14 +98,7 @@ class JumpMarkovNet(nn.Module):
         start = self.filter.start(of_filters[..., 2:6], of_filters[..., :2].nan_to_num())
         nothing = torch.zeros_like(logs)
         innovation = nothing[..., None].expand(-1, -1, 2)
-        return self._tick(
-            inputs,
-            start,
-            logs,
-            nothing,
-            innovation,
-            None,
-        )
+        return self._tick(inputs, start, logs, nothing, innovation, None)
 
     def step(self, inputs: Tensor, last: JumpMarkovState) -> Tick:
         """Process one tick of N tracks, (N, 6 + M - 1)."""
@@ -141,13 +131,7 @@ class JumpMarkovNet(nn.Module):
         motion = coordinated_turn(turn)
         z = local((measured - origin)[:, None])
         scale = torch.ones_like(z[..., :1])
-        after, likelihoods = self.filter.step(
-            filters,
-            motion,
-            z,
-            scale,
-            context,
-        )
+        after, likelihoods = self.filter.step(filters, motion, z, scale, context)
         innovation = z - (motion @ filters.state[..., None])[..., :2, 0]
         # Columns: position, velocity.
         back = frame.mT @ after.state.unflatten(-1, (2, 2)).mT
@@ -157,14 +141,7 @@ class JumpMarkovNet(nn.Module):
         )
         likelihood = is_known * evidence(likelihoods)
         innovation = of_modes(innovation * signs)
-        return self._tick(
-            inputs,
-            after,
-            predicted,
-            likelihood,
-            innovation,
-            last.memory,
-        )
+        return self._tick(inputs, after, predicted, likelihood, innovation, last.memory)
 
     def _mix(self, last: JumpMarkovState) -> tuple[Tensor, Tensor, Tensor]:
         """Return predicted log-probabilities (N, M), mixed states (N, M, 4), and the logarithms
@@ -191,12 +168,7 @@ class JumpMarkovNet(nn.Module):
         """Return outputs and state of a tick, from what the filters say of it."""
         posterior = torch.log_softmax(predicted + likelihood, -1).clamp(min=LOWEST_LOG)
         ratio = (likelihood - likelihood.max(-1, keepdim=True).values).clamp(min=LOWEST_LOG)
-        parts = [
-            2.0 * posterior.exp() - 1.0,
-            posterior / 5.0,
-            predicted / 5.0,
-            ratio / 3.0,
-        ]
+        parts = [2.0 * posterior.exp() - 1.0, posterior / 5.0, predicted / 5.0, ratio / 3.0]
         each = torch.cat([torch.stack(parts, -1), 0.5 * innovation.clamp(-6.0, 6.0)], -1)
         # The lateral innovation, in column 5, changes its sign in a mirrored trajectory.
         views = turn_views(
@@ -219,13 +191,7 @@ class JumpMarkovNet(nn.Module):
         utility, stay, belief = (part[0] for part in outputs[:3])
         logs = torch.log_softmax(belief, -1).clamp(min=LOWEST_LOG)
         state = JumpMarkovState(filters, logs, memory)
-        return StatementOutputs(
-            utility,
-            stay,
-            belief,
-            None,
-            likelihood,
-        ), state
+        return StatementOutputs(utility, stay, belief, None, likelihood), state
 
 
 def of_modes(filters: Tensor) -> Tensor:
@@ -274,22 +240,12 @@ class JumpMarkovDecider(UtilityDecider):
         variances = self.world.variances
         # The geometric mean of those of the axes.
         noise = np.sqrt(np.prod(variances) ** (1.0 / variances.size))
-        columns = [
-            tracks.field("measurement"),
-            x,
-            y,
-            vx * tau,
-            vy * tau,
-            radii,
-        ]
+        columns = [tracks.field("measurement"), x, y, vx * tau, vy * tau, radii]
         inputs = np.column_stack(columns) / noise
         return np.hstack([inputs, tracks.hypothesis_values()]).astype(np.float32)
 
     def evidence(
-        self,
-        observation: NDArray[np.float32],
-        state: Any = None,
-        episode_start: Any = None,
+        self, observation: NDArray[np.float32], state: Any = None, episode_start: Any = None
     ) -> NDArray[np.float64]:
         """Return the probabilities of the modes by the bank, (N, M)."""
         return np.exp(observation[:, -self.world.hypotheses :].astype(np.float64))
@@ -315,12 +271,7 @@ class JumpMarkovDecider(UtilityDecider):
                 outputs, net = where(torch.from_numpy(starts), begun, (outputs, net))
             stated = state[1].numpy()
         utility, stay = (part.double().numpy() for part in outputs[:2])
-        stated = self.largest(
-            utility,
-            stay,
-            stated,
-            ~starts,
-        )
+        stated = self.largest(utility, stay, stated, ~starts)
         return stated, (net, torch.from_numpy(stated))
 
     def divide(self, observation: NDArray[np.float32]) -> tuple[Tensor, ...]:

@@ -54,17 +54,10 @@ class KalmanNet(nn.Module):
         self.before = nn.Sequential(nn.Linear(12 + context, hidden), nn.SiLU())
         self.recurrent = nn.GRUCell(hidden, hidden)
         self.gain = nn.Sequential(
-            nn.Linear(hidden, hidden),
-            nn.SiLU(),
-            zero_layer(hidden, 8),
-            nn.Unflatten(-1, (4, 2)),
+            nn.Linear(hidden, hidden), nn.SiLU(), zero_layer(hidden, 8), nn.Unflatten(-1, (4, 2))
         )
         # Two logarithms, and an entry below them.
-        self.covariance = nn.Sequential(
-            nn.Linear(hidden, hidden),
-            nn.SiLU(),
-            zero_layer(hidden, 3),
-        )
+        self.covariance = nn.Sequential(nn.Linear(hidden, hidden), nn.SiLU(), zero_layer(hidden, 3))
 
     def start(self, state: Tensor, measurement: Tensor) -> KalmanState:
         """Return filters that start at estimates (..., 4), with the measurements (..., 2) that
@@ -72,13 +65,7 @@ class KalmanNet(nn.Module):
         """
         nothing = torch.zeros_like(state)
         memory = state.new_zeros(*state.shape[:-1], self.recurrent.hidden_size)
-        return KalmanState(
-            state,
-            memory,
-            measurement,
-            nothing,
-            nothing,
-        )
+        return KalmanState(state, memory, measurement, nothing, nothing)
 
     def step(
         self,
@@ -112,13 +99,7 @@ class KalmanNet(nn.Module):
         whitened = (inverse @ (innovation / scale)[..., None])[..., 0]
         density = -(0.5 * whitened.square() + logs).sum(-1) - math.log(2.0 * math.pi)
         state = predicted + update
-        after = KalmanState(
-            state,
-            memory,
-            measurement,
-            state - last.state,
-            update,
-        )
+        after = KalmanState(state, memory, measurement, state - last.state, update)
         return after, density - 2 * scale[..., 0].log()
 
 
@@ -188,12 +169,7 @@ class KalmanBank(KalmanNet):
         """Process the inputs (..., 9) of a tick; return the filters and the log-likelihoods
         (...).
         """
-        return self.step(
-            last,
-            turning(inputs[..., 2]),
-            inputs[..., :2],
-            inputs[..., 3:4],
-        )
+        return self.step(last, turning(inputs[..., 2]), inputs[..., :2], inputs[..., 3:4])
 
 
 def turning(turn: Tensor) -> Tensor:
@@ -214,15 +190,7 @@ def turning(turn: Tensor) -> Tensor:
 
 def two_by_two(diagonal: Tensor, above: Tensor) -> Tensor:
     """Return the matrices (..., 2, 2) [[diagonal, above], [-above, diagonal]]."""
-    entries = torch.stack(
-        [
-            diagonal,
-            above,
-            -above,
-            diagonal,
-        ],
-        -1,
-    )
+    entries = torch.stack([diagonal, above, -above, diagonal], -1)
     return entries.unflatten(-1, (2, 2))
 
 

@@ -76,13 +76,7 @@ def play_world(name: str, world: str, episodes: int) -> dict[str, Any]:
     try:
         decider = find_decider(name, task.options)
         threshold = select_threshold(task, decider, episodes)
-        scores = sweep(
-            task,
-            decider,
-            episodes,
-            SEED,
-            thresholds=(threshold,),
-        )
+        scores = sweep(task, decider, episodes, SEED, thresholds=(threshold,))
     except ArgumentError as error:
         return {"refused": str(error)}
     return {
@@ -113,11 +107,7 @@ def kind_of(decider: Decider, task: Task) -> str:
 
 
 def make_entry(
-    decider: str,
-    title: str,
-    kind: str,
-    worlds: dict[str, Any],
-    cost: dict[str, Any] | None = None,
+    decider: str, title: str, kind: str, worlds: dict[str, Any], cost: dict[str, Any] | None = None
 ) -> dict[str, Any]:
     """Return the contents of a file, with a digest of them; `cost` is that of a trained decider."""
     entry = {
@@ -166,13 +156,7 @@ def scores_of(entry: Mapping[str, Any], world: str) -> Scores | None:
         return None
     rewards = np.frombuffer(base64.b64decode(content["rewards"]), "<f4").astype(np.float64)
     values = rewards[:, None, None]
-    return Scores(
-        entry["title"],
-        "",
-        (content["threshold"],),
-        ("reward",),
-        values,
-    )
+    return Scores(entry["title"], "", (content["threshold"],), ("reward",), values)
 
 
 def digest(entry: Mapping[str, Any]) -> str:

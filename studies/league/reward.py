@@ -36,10 +36,7 @@ class RewardNet(nn.Module):
         super().__init__()
         self.share = share
         self.row = nn.Sequential(
-            nn.Linear(INPUTS, hidden),
-            nn.SiLU(),
-            nn.Linear(hidden, hidden),
-            nn.Tanh(),
+            nn.Linear(INPUTS, hidden), nn.SiLU(), nn.Linear(hidden, hidden), nn.Tanh()
         )
         self.layers = turn_layers(INPUTS + hidden, hidden)
         self.scale = nn.Parameter(torch.ones(1))

@@ -70,13 +70,7 @@ def row_inputs(rows: Rows) -> tuple[Rows, Rows]:
     # A mirrored trajectory changes the sign of these columns: the lateral innovation and the
     # turn, and of the track the two of the lateral displacement.
     side = np.where(read["turn_angle"][:, 1:] < 0.0, np.float32(-1.0), np.float32(1.0))
-    out = turn_views(
-        np.stack(of_hypotheses, -1),
-        logs,
-        side,
-        (4, 7),
-        len(of_track),
-    )
+    out = turn_views(np.stack(of_hypotheses, -1), logs, side, (4, 7), len(of_track))
     out[..., -len(of_track) :] = np.stack(of_track, -1)[:, None]
     for column in (2, 4):
         out[..., column - len(of_track)] *= side
@@ -189,10 +183,7 @@ class SegmentDecider(NetworkDecider):
 
     @torch.no_grad()
     def posterior(
-        self,
-        observation: Rows,
-        state: Any,
-        episode_start: Any,
+        self, observation: Rows, state: Any, episode_start: Any
     ) -> tuple[NDArray[np.float64], Any]:
         rows = np.asarray(observation, np.float32)
         ticks = torch.from_numpy(self.layout.read(rows, "ticks").round().astype(np.int64))
@@ -253,12 +244,7 @@ class Explorer(Decider):
         # Of each tick and track: track, row; then action, reward and true mode.
         asked: list[Any] = []
         answers: list[Any] = []
-        for now in rollout(
-            env,
-            self,
-            seed,
-            unfinished,
-        ):
+        for now in rollout(env, self, seed, unfinished):
             if now.step:
                 modes = now.info.get("decided_true_mode", nothing)
                 answers.append([part[running] for part in (now.actions, now.rewards, modes)])
@@ -275,12 +261,7 @@ class Explorer(Decider):
         last = np.flatnonzero(actions)
         rewarded = rewards[last] + env.options.delay_cost > 0.0
         lengths = np.diff(last, prepend=-1)
-        return rows[order], Segments(
-            lengths,
-            actions[last] - 1,
-            rewarded,
-            modes[last],
-        )
+        return rows[order], Segments(lengths, actions[last] - 1, rewarded, modes[last])
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -80,23 +80,11 @@ class TandemDecider(SegmentDecider):
     network = TandemNet
 
     def advance(
-        self,
-        rows: Rows,
-        ticks: Tensor,
-        state: tuple[Tensor, Tensor] | None,
+        self, rows: Rows, ticks: Tensor, state: tuple[Tensor, Tensor] | None
     ) -> tuple[Tensor, tuple[Tensor, Tensor]]:
         inputs, order = torch.from_numpy(row_inputs(rows)[0]), self.net.order
         now = inputs[:, None]
-        before = (
-            now.expand(
-                -1,
-                order + 1,
-                -1,
-                -1,
-            )
-            if state is None
-            else state[0]
-        )
+        before = now.expand(-1, order + 1, -1, -1) if state is None else state[0]
         last = torch.cat([before[:, 1:], now], 1)
         # Every track as a segment of N + 1 rows, of which those before the switch are left out.
         lags = torch.arange(-order, 1).repeat(len(rows)) + ticks.repeat_interleave(order + 1)
@@ -127,10 +115,5 @@ class Tandem(SegmentAlgorithm):
         inside = place > 0
         windows = nn.functional.nll_loss(longer, true)
         windows = windows + nn.functional.nll_loss(shorter[inside], true[inside])
-        ratios = log_ratios(
-            longer,
-            shorter,
-            place + 1,
-            order,
-        )
+        ratios = log_ratios(longer, shorter, place + 1, order)
         return nn.functional.cross_entropy(ratios, true) + windows

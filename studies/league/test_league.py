@@ -41,14 +41,7 @@ def test_the_tables_of_the_entries_are_those_of_the_page():
 
 
 def test_interquartile_mean_is_that_of_the_middle_half():
-    rewards = np.array(
-        [
-            [0.0, 10.0],
-            [1.0, 11.0],
-            [2.0, 12.0],
-            [30.0, 13.0],
-        ]
-    )
+    rewards = np.array([[0.0, 10.0], [1.0, 11.0], [2.0, 12.0], [30.0, 13.0]])
     mean = interquartile_mean(rewards)
 
     assert mean.value == np.sort(rewards, axis=None)[2:6].mean()
@@ -56,13 +49,7 @@ def test_interquartile_mean_is_that_of_the_middle_half():
 
 
 def test_the_quick_form_plays_and_trains_and_goes_on_from_what_is_there(tmp_path):
-    flags = [
-        "--quick",
-        "--jobs",
-        "1",
-        "--out",
-        str(tmp_path),
-    ]
+    flags = ["--quick", "--jobs", "1", "--out", str(tmp_path)]
     assert run_command(League, "league", flags) == 0
     assert (tmp_path / "league.png").exists()
     entry = read_entry(tmp_path / "tandem.json")

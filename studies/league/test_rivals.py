@@ -44,15 +44,7 @@ def tandem_logs(net, inputs, lengths, order):
     [
         ("reward", lambda net, *segments: net.whole(*segments)),
         ("distilled", lambda net, inputs, logs, lengths: net(inputs, logs)),
-        (
-            "tandem",
-            lambda net, inputs, logs, lengths: tandem_logs(
-                net,
-                inputs,
-                lengths,
-                net.order,
-            ),
-        ),
+        ("tandem", lambda net, inputs, logs, lengths: tandem_logs(net, inputs, lengths, net.order)),
         ("kalman", kalman_logs),
         ("transformer", lambda net, *segments: net(*segments)),
     ],
@@ -113,12 +105,7 @@ def test_the_filter_with_a_constant_gain_and_covariance_is_the_literal_one():
     state, measurement = torch.randn(5, 4), torch.randn(5, 2)
     with torch.no_grad():
         last = net.start(state, torch.zeros(5, 2))
-        after, log = net.step(
-            last,
-            motion,
-            measurement,
-            torch.ones(5, 1),
-        )
+        after, log = net.step(last, motion, measurement, torch.ones(5, 1))
     predicted = state @ motion.T
     # The inverse of the Cholesky factor; the logarithms are hardly compressed.
     inverse = torch.tensor([[np.exp(-0.2), 0.0], [0.4, np.exp(0.3)]]).float()
@@ -140,12 +127,7 @@ def test_exact_posteriors_of_windows_give_the_exact_ratios():
     def posterior(windows):
         return torch.log_softmax(windows[:, 0].unflatten(-1, (5, 4))[..., :3].sum(1), -1)
 
-    ratios = tandem_logs(
-        posterior,
-        views,
-        torch.full((4,), 9),
-        4,
-    )
+    ratios = tandem_logs(posterior, views, torch.full((4,), 9), 4)
     np.testing.assert_allclose(log_softmax(ratios, -1), log_softmax(exact, -1), atol=1e-5)
 
 
@@ -177,10 +159,7 @@ def test_the_jump_markov_net_decides_tick_by_tick_as_on_whole_tracks():
     torch.manual_seed(0)
     for layer in (run.net.filter.gain[2], run.net.filter.covariance[2], run.net.modes.output):
         torch.nn.init.normal_(layer.weight, std=0.1)
-    seen = np.concatenate(
-        run.simulate(run.world, 4, 3)[:2],
-        -1,
-    )
+    seen = np.concatenate(run.simulate(run.world, 4, 3)[:2], -1)
     agent = run.decider(run.net, run.world)
     plain = run.net(*agent.divide(seen)).belief
     state = None

@@ -89,16 +89,7 @@ class AttentionLayer(nn.Module):
         = T.
         """
         query = self.query(self.norm(x)).unflatten(-1, (self.heads, self.key)).transpose(1, 2)
-        key, value = (
-            stored[:, None]
-            .expand(
-                -1,
-                self.heads,
-                -1,
-                -1,
-            )
-            .split(self.key, -1)
-        )
+        key, value = stored[:, None].expand(-1, self.heads, -1, -1).split(self.key, -1)
         attended = nn.functional.scaled_dot_product_attention(
             query, key, value, mask, is_causal=mask is None
         )

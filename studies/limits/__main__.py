@@ -67,12 +67,7 @@ class Limits:
             results = in_parallel(calls, self.jobs, part)
             rows[part] = [row for result in results for row in result]
         picture = report.figure(rows["rules"]) if "rules" in rows else None
-        save_results(
-            self.out / "limits",
-            report.markdown(rows),
-            rows,
-            picture,
-        )
+        save_results(self.out / "limits", report.markdown(rows), rows, picture)
 
 
 if __name__ == "__main__":

@@ -47,34 +47,13 @@ class Published:
 
 RULES = (
     Published("ATE, alpha = beta", "ate"),
-    Published(
-        "ATE, alpha and beta apart",
-        "ate",
-        apart=True,
-    ),
+    Published("ATE, alpha and beta apart", "ate", apart=True),
     Published("gap rule", "gap"),
     Published("MSPRT", "msprt"),
-    Published(
-        "ATE, alpha = beta, P kept",
-        "ate",
-        reset=False,
-    ),
-    Published(
-        "ATE, alpha and beta apart, P kept",
-        "ate",
-        apart=True,
-        reset=False,
-    ),
-    Published(
-        "gap rule, P kept",
-        "gap",
-        reset=False,
-    ),
-    Published(
-        "MSPRT, P kept",
-        "msprt",
-        reset=False,
-    ),
+    Published("ATE, alpha = beta, P kept", "ate", reset=False),
+    Published("ATE, alpha and beta apart, P kept", "ate", apart=True, reset=False),
+    Published("gap rule, P kept", "gap", reset=False),
+    Published("MSPRT, P kept", "msprt", reset=False),
     # It filters the measurements of the published rows again.
     Published("MSPRT, P kept, from the published rows", "msprt-kept"),
 )
@@ -96,39 +75,14 @@ def published_rules(noise: float, episodes: int, seed: int) -> list[Row]:
         tried = [decider.changed(beta=beta) for beta in BETAS] if rule.apart else [decider]
         reward = task.statistic("reward")
         earned = [
-            sweep(
-                task,
-                each,
-                selection,
-                SELECTION,
-                thresholds=alphas,
-            ).curve(reward)
+            sweep(task, each, selection, SELECTION, thresholds=alphas).curve(reward)
             for each in tried
         ]
         second, k = np.unravel_index(np.argmax(earned), np.shape(earned))
         threshold = alphas[k]
-        steps[rule.title] = sweep(
-            task,
-            tried[second],
-            episodes,
-            seed,
-            thresholds=(threshold,),
-        )
+        steps[rule.title] = sweep(task, tried[second], episodes, seed, thresholds=(threshold,))
         thresholds.append([threshold, BETAS[second]] if rule.apart else [threshold])
     first = next(iter(steps.values()))
     compared = [None, *[first] * (len(steps) - 1)]
-    rows = step_rows(
-        task,
-        THREE,
-        noise,
-        steps,
-        compared,
-    )
-    return [
-        row | {"thresholds": used}
-        for row, used in zip(
-            rows,
-            thresholds,
-            strict=True,
-        )
-    ]
+    rows = step_rows(task, THREE, noise, steps, compared)
+    return [row | {"thresholds": used} for row, used in zip(rows, thresholds, strict=True)]

@@ -37,14 +37,7 @@ def markdown(parts: Mapping[str, Sequence[Row]]) -> str:
         return "\n".join(text)
     for place, here in pd.DataFrame(parts["steps"]).groupby("place", sort=False):
         text += [f"### Steps of information: {place}\n", f"{gain}\n"]
-        text += [
-            _pivot(
-                here,
-                ["step", "noise"],
-                by_noise,
-                _gain_cell,
-            )
-        ]
+        text += [_pivot(here, ["step", "noise"], by_noise, _gain_cell)]
     if "rules" not in parts:
         return "\n".join(text)
     for env_id, here in pd.DataFrame(parts["rules"]).groupby("env_id", sort=False):
@@ -52,12 +45,7 @@ def markdown(parts: Mapping[str, Sequence[Row]]) -> str:
         text += [
             f"### {env_id}\n",
             f"{times}\n",
-            _pivot(
-                here,
-                ["bank", "rule", "noise"],
-                by_noise,
-                _times_cell,
-            ),
+            _pivot(here, ["bank", "rule", "noise"], by_noise, _times_cell),
         ]
     calibration = pd.DataFrame(parts["calibration"])
     calibration["R"] = calibration.noise.map("{:g}".format)
@@ -66,12 +54,7 @@ def markdown(parts: Mapping[str, Sequence[Row]]) -> str:
         " %\n",
         "HybridTrackPublished-v0, no decisions; in brackets the largest calibration error (mean"
         " posterior minus accuracy in a bin of the posterior).\n",
-        _pivot(
-            calibration,
-            ["bank", "R", "ticks"],
-            "after {} ticks",
-            _calibration_cell,
-        ),
+        _pivot(calibration, ["bank", "R", "ticks"], "after {} ticks", _calibration_cell),
     ]
     return "\n".join(text)
 
@@ -96,12 +79,7 @@ def _literature(rows: pd.DataFrame, by_noise: str) -> str:
     return "\n".join(text)
 
 
-def _pivot(
-    rows: pd.DataFrame,
-    names: list[str],
-    head: str,
-    cell: Callable[[Row], str],
-) -> str:
+def _pivot(rows: pd.DataFrame, names: list[str], head: str, cell: Callable[[Row], str]) -> str:
     """Return a table of cells of rows, with values of the last name in columns below a head."""
     rows = rows.assign(cell=[cell(row) for row in rows.to_dict("records")])
     table = rows.set_index(names).cell.unstack(sort=False).rename(columns=head.format)
@@ -137,25 +115,13 @@ def figure(rows: Sequence[Row]) -> Figure:
     places = frame.env_id.unique()
     size = 13.0, 3.9 * len(places)
     canvas = Figure(figsize=size, layout="constrained")
-    grid = canvas.subplots(
-        len(places),
-        len(BANKS),
-        sharex=True,
-        sharey="row",
-        squeeze=False,
-    )
+    grid = canvas.subplots(len(places), len(BANKS), sharex=True, sharey="row", squeeze=False)
     for (place, bank), axes in zip(product(places, BANKS), grid.flat, strict=True):
         here = frame[(frame.env_id == place) & (frame.bank == bank)]
         curves = [*here.groupby("rule", sort=False)]
         for index, (name, curve) in enumerate(curves):
             line = "o--" if index == len(curves) - 1 else "o-"
-            axes.plot(
-                curve.noise,
-                curve.time,
-                line,
-                markersize=8.5 - 1.3 * index,
-                label=name,
-            )
+            axes.plot(curve.noise, curve.time, line, markersize=8.5 - 1.3 * index, label=name)
         title = f"{place}, {bank.replace('_', '-')} bank"
         axes.set(title=title, xscale="log", ylim=(0.0, None))
     for line in grid:

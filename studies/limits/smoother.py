@@ -60,12 +60,7 @@ def carry_past(
     shares = np.exp(weights - np.nan_to_num(weights.max(1, keepdims=True), neginf=0.0))
     # The largest share is 1, where a mode has parents.
     shares /= np.maximum(shares.sum(1, keepdims=True), 1.0)
-    mixed = np.einsum(
-        "nbm,nbkl->nmkl",
-        shares,
-        past[:, :, :-1],
-        optimize=True,
-    )
+    mixed = np.einsum("nbm,nbkl->nmkl", shares, past[:, :, :-1], optimize=True)
     # Row 0 has the hazards of the first segment of an episode.
     track, branch = np.nonzero((now.ages == 1) & (now.rows != 0))
     carried[track, branch, 1:] = mixed[track, now.modes[track, branch]]
@@ -115,14 +110,7 @@ class BeamSmoother(Decider):
         if state is None:
             self._posteriors = {lag: [] for lag in self.lags}
         model = self.beam.model
-        past = carry_past(
-            before,
-            now,
-            past,
-            model.hazards,
-            model.law_places,
-            model.order,
-        )
+        past = carry_past(before, now, past, model.hazards, model.law_places, model.order)
         self._weights, self._past = np.exp(weights), past
         for lag, posteriors in self._posteriors.items():
             # Without meaning before there are so many ticks.

@@ -88,22 +88,12 @@ def calls(unknown: bool, episodes: int, seed: int, quick: bool = False) -> dict[
         "bound": bound_calls(*run, quick),
         "steps": [delayed(announced_steps)(*place, *run) for place in places],
         "rules": [
-            delayed(rule_on_bank)(
-                *place,
-                bank,
-                rule,
-                *run,
-            )
+            delayed(rule_on_bank)(*place, bank, rule, *run)
             for place in places
             for bank, rule in product(BANKS, rules[place[0]])
         ],
         "calibration": [
-            delayed(bank_calibration)(
-                bank,
-                noise,
-                seed,
-                1000 if quick else 10_000,
-            )
+            delayed(bank_calibration)(bank, noise, seed, 1000 if quick else 10_000)
             for bank, noise in product(CALIBRATION_BANKS, noises)
         ],
     }
@@ -117,14 +107,7 @@ def bound_calls(episodes: int, seed: int, quick: bool) -> list[Any]:
 
 def best_threshold(task: Task, decider: Any, episodes: int) -> int:
     """Return the index of the threshold with the best reward on a third as many other episodes."""
-    return task.best(
-        sweep(
-            task,
-            decider,
-            max(episodes // 3, 50),
-            SELECTION,
-        )
-    )
+    return task.best(sweep(task, decider, max(episodes // 3, 50), SELECTION))
 
 
 def step_rows(
@@ -176,28 +159,12 @@ def announced_steps(env_id: str, noise: float, episodes: int, seed: int) -> list
         by_type = name == "msprt" and task.options.correctness == "type"
         decider = find_decider("msprt-type" if by_type else name, task.options)
         threshold = decider.thresholds[best_threshold(task, decider, episodes)]
-        steps[step] = sweep(
-            task,
-            decider,
-            episodes,
-            seed,
-            thresholds=(threshold,),
-        )
-    return step_rows(
-        task,
-        env_id,
-        noise,
-        steps,
-    )
+        steps[step] = sweep(task, decider, episodes, seed, thresholds=(threshold,))
+    return step_rows(task, env_id, noise, steps)
 
 
 def rule_on_bank(
-    env_id: str,
-    noise: float,
-    bank: str,
-    rule: str,
-    episodes: int,
-    seed: int,
+    env_id: str, noise: float, bank: str, rule: str, episodes: int, seed: int
 ) -> list[Row]:
     """Evaluate a rule on a bank at a noise level, at all thresholds."""
     task = task_of(env_id, {"measurement_variance": noise, "bank": bank})
@@ -205,34 +172,19 @@ def rule_on_bank(
     name = "sprt" if rule == "ate" and bank != "published" else rule
     decider = find_decider(name, task.options)
     best = best_threshold(task, decider, episodes)
-    curve = sweep(
-        task,
-        decider,
-        episodes,
-        seed,
-    )
+    curve = sweep(task, decider, episodes, seed)
     times = {
         metric.name.replace("ticks_at", "time"): curve.estimate(metric.statistic)
         for metric in task.levels(curve, decider.thresholds[best])
         if metric.name.startswith("ticks_at")
     }
-    row: Row = {
-        "env_id": env_id,
-        "noise": noise,
-        "bank": bank,
-        "rule": decider.title,
-        **times,
-    }
+    row: Row = {"env_id": env_id, "noise": noise, "bank": bank, "rule": decider.title, **times}
     reward = curve.at(best).estimate(task.statistic("reward"))
     return [row | {"reward": reward, "threshold": decider.thresholds[best]}]
 
 
 def bank_calibration(
-    bank: str,
-    noise: float,
-    seed: int,
-    episodes: int,
-    ticks: tuple[int, ...] = (2, 5, 10, 20, 40),
+    bank: str, noise: float, seed: int, episodes: int, ticks: tuple[int, ...] = (2, 5, 10, 20, 40)
 ) -> list[Row]:
     """Return the calibration of the posterior of a bank after numbers of ticks without a decision,
     at a noise level on HybridTrackPublished-v0.
@@ -241,11 +193,7 @@ def bank_calibration(
     and "worst" the largest calibration error: posterior minus accuracy in a bin. Segments are
     decided at their end, so that most anchors are accurate.
     """
-    options = {
-        "measurement_variance": noise,
-        "undecided": "likeliest",
-        **CALIBRATION_BANKS[bank],
-    }
+    options = {"measurement_variance": noise, "undecided": "likeliest", **CALIBRATION_BANKS[bank]}
     env = HybridTrackVectorEnv(episodes, tick_info=False, **options)
     layout, segments = Layout(env.options.hypotheses), env.options.segments
     # By segment, so that sums do not depend on the order in which tracks reach a tick.
@@ -264,18 +212,8 @@ def bank_calibration(
             places = k, reached, env.world.field("segment")[reached]
             stated[places], right[places] = 1.0 - error[reached], correct[reached]
     return [
-        {
-            "bank": bank,
-            "noise": noise,
-            "ticks": tick,
-            **_calibration(of_tick[known], named[known]),
-        }
-        for tick, of_tick, named in zip(
-            ticks,
-            stated,
-            right,
-            strict=True,
-        )
+        {"bank": bank, "noise": noise, "ticks": tick, **_calibration(of_tick[known], named[known])}
+        for tick, of_tick, named in zip(ticks, stated, right, strict=True)
         if (known := ~np.isnan(of_tick)).any()
     ]
 
@@ -297,31 +235,16 @@ def unknown_steps(law: str, noise: float, tracks: int, seed: int) -> list[Row]:
     selection = _curves(task, max(tracks // 3, 50), SELECTION)
     curves = _curves(task, tracks, seed)
     steps = {step: curve.at(task.best(selection[step])) for step, curve in curves.items()}
-    return step_rows(
-        task,
-        f"durations {law}",
-        noise,
-        steps,
-    )
+    return step_rows(task, f"durations {law}", noise, steps)
 
 
 def _curves(task: Task, tracks: int, seed: int) -> dict[str, Scores]:
     """Return the scores of all steps; the first threshold of each is 0."""
     imm, geometric = (
-        sweep(
-            task,
-            find_decider(name, task.options),
-            tracks,
-            seed,
-        )
+        sweep(task, find_decider(name, task.options), tracks, seed)
         for name in ("threshold", "beam-geometric")
     )
-    beam, *later = smoothed_scores(
-        task,
-        tracks,
-        seed,
-        (0, *LAGS),
-    )
+    beam, *later = smoothed_scores(task, tracks, seed, (0, *LAGS))
     return {
         "IMM, the most probable mode": imm.at(0),
         "IMM, tuned threshold": imm,
@@ -335,11 +258,7 @@ def _curves(task: Task, tracks: int, seed: int) -> dict[str, Scores]:
 
 
 def smoothed_scores(
-    task: Task,
-    tracks: int,
-    seed: int,
-    lags: Sequence[int],
-    at_once: int = 500,
+    task: Task, tracks: int, seed: int, lags: Sequence[int], at_once: int = 500
 ) -> list[Scores]:
     """Return the scores of the threshold rule on the posterior at each number of later ticks; 0 is
     the beam itself. A batch of 500 tracks needs about 100 MB.
@@ -349,12 +268,7 @@ def smoothed_scores(
     for first in range(0, tracks, at_once):
         smoother = BeamSmoother(decider, lags)
         count = min(at_once, tracks - first)
-        true_modes, _ = record_statements(
-            smoother,
-            count,
-            seed + first,
-            **vars(task.options),
-        )
+        true_modes, _ = record_statements(smoother, count, seed + first, **vars(task.options))
         for lag, of_lag in rewards.items():
             with np.errstate(divide="ignore"):
                 logs = np.log(smoother.posterior(lag))
@@ -366,12 +280,6 @@ def smoothed_scores(
             of_lag.append(np.stack(measured, axis=-1)[:, None])
     thresholds = decider.thresholds
     return [
-        Scores(
-            f"{lag} ticks later",
-            decider.symbol,
-            thresholds,
-            ("reward",),
-            np.concatenate(parts),
-        )
+        Scores(f"{lag} ticks later", decider.symbol, thresholds, ("reward",), np.concatenate(parts))
         for lag, parts in rewards.items()
     ]

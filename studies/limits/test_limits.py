@@ -52,15 +52,7 @@ def run_here(calls, *_):
 
 @pytest.mark.parametrize("flags", [[], ["--unknown"]])
 def test_the_quick_form_writes_its_files(flags, tmp_path, run_study):
-    printed = run_study(
-        "limits",
-        "--quick",
-        *flags,
-        "--jobs",
-        "1",
-        "--out",
-        str(tmp_path),
-    )
+    printed = run_study("limits", "--quick", *flags, "--jobs", "1", "--out", str(tmp_path))
     rows = json.loads((tmp_path / "limits.json").read_text())
 
     assert (tmp_path / "limits.md").read_text() in printed
@@ -114,19 +106,9 @@ def test_the_carried_probabilities_are_those_of_forward_and_backward_recursions(
             log_weights = np.log(filtered[-1])[None]
         # The row of the first segment is 0.
         row = (age < tick).astype(np.int64)
-        now = BranchTable(
-            mode[None],
-            age[None] + 1,
-            row[None],
-            log_weights,
-        )
+        now = BranchTable(mode[None], age[None] + 1, row[None], log_weights)
         past = carry_past(
-            before or now,
-            now,
-            past,
-            np.tile(hazards, (2, 1)),
-            np.zeros(modes, np.int64),
-            order,
+            before or now, now, past, np.tile(hazards, (2, 1)), np.zeros(modes, np.int64), order
         )
         before = now
     backward = np.ones(states)
@@ -140,12 +122,7 @@ def test_the_carried_probabilities_are_those_of_forward_and_backward_recursions(
 def test_without_later_ticks_the_posterior_is_that_of_the_beam():
     options = {"durations": "10 + geometric 15", "ticks": 80, "start": "random"}
     smoother = BeamSmoother(BeamDecider(QuickestOptions(**options), 0.0), (0, 10))
-    statements = record_statements(
-        smoother,
-        50,
-        3,
-        **options,
-    )
+    statements = record_statements(smoother, 50, 3, **options)
     now, later = (smoother.posterior(lag) for lag in (0, 10))
 
     np.testing.assert_array_equal(now.argmax(-1), statements.stated_modes)

@@ -39,20 +39,8 @@ class Optimum:
         worlds, variances, episodes = self.worlds, self.variances, self.episodes
         if self.quick:
             worlds, variances, episodes = ("paths",), (0.1,), 20
-        rows = study.evaluate_all(
-            worlds,
-            variances,
-            episodes,
-            self.seed,
-            self.nodes,
-            self.jobs,
-        )
-        save_results(
-            self.out / "optimum",
-            study.markdown(rows),
-            rows,
-            study.figure(rows),
-        )
+        rows = study.evaluate_all(worlds, variances, episodes, self.seed, self.nodes, self.jobs)
+        save_results(self.out / "optimum", study.markdown(rows), rows, study.figure(rows))
 
 
 if __name__ == "__main__":

@@ -25,9 +25,7 @@ def curvatures(options: QuickestOptions) -> FloatArray:
 
 
 def path_posteriors(
-    options: QuickestOptions,
-    measurements: FloatArray,
-    smoothed: bool = False,
+    options: QuickestOptions, measurements: FloatArray, smoothed: bool = False
 ) -> FloatArray:
     """Return the logarithms of the posteriors of the modes, (N, T, M), from measurements (N, T, 2)
     of objects without process noise, whose start is known but for the mode. Durations are
@@ -131,12 +129,7 @@ def transition(turn_rate: FloatArray, tau: float) -> FloatArray:
     return np.asarray(np.kron(of_axis, np.eye(2)))
 
 
-def begin(
-    before: Histories,
-    mode: int,
-    options: QuickestOptions,
-    nodes: int,
-) -> Histories:
+def begin(before: Histories, mode: int, options: QuickestOptions, nodes: int) -> Histories:
     """Return histories with the weights of those before that begin a segment of a mode; of a turn
     each becomes as many as there are nodes.
     """
@@ -204,24 +197,14 @@ def continued(now: Histories, options: QuickestOptions, nodes: int) -> Histories
     ends = hazard[now.later * (len(hazard) // 2) + options.law_places[now.mode], now.age - 1]
     lasting = now.some(ends < 1.0)
     parts = [
-        lasting._replace(
-            weight=lasting.weight + np.log1p(-ends[ends < 1.0]),
-            age=lasting.age + 1,
-        )
+        lasting._replace(weight=lasting.weight + np.log1p(-ends[ends < 1.0]), age=lasting.age + 1)
     ]
     for mode in range(options.hypotheses):
         probability = ends * options.next_mode_matrix[now.mode, mode]
         possible = probability > 0.0
         parents = now.some(possible)
         weight = parents.weight + np.log(probability[possible])
-        parts.append(
-            begin(
-                parents._replace(weight=weight),
-                mode,
-                options,
-                nodes,
-            )
-        )
+        parts.append(begin(parents._replace(weight=weight), mode, options, nodes))
     return joined(parts)
 
 
@@ -240,9 +223,7 @@ def moved(now: Histories, measured: FloatArray, options: QuickestOptions) -> His
     log_likelihood = -0.5 * (square + np.log(np.linalg.det(S)))
     K = P[:, :, :2] @ inverse
     return now._replace(
-        weight=now.weight + log_likelihood,
-        mean=mean + product(K, innovation),
-        P=P - K @ P[:, :2],
+        weight=now.weight + log_likelihood, mean=mean + product(K, innovation), P=P - K @ P[:, :2]
     )
 
 

@@ -12,14 +12,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from agents import find_decider, task_of
-from baselines import (
-    Estimate,
-    Scores,
-    Statistic,
-    ThresholdDecider,
-    record_in,
-    rollout,
-)
+from baselines import Estimate, Scores, Statistic, ThresholdDecider, record_in, rollout
 from hybrid_env import HybridTrackQuickestVectorEnv, QuickestOptions
 from studies.optimum.enumeration import history_posteriors, path_posteriors
 from studies.pictures import draw_estimates
@@ -82,10 +75,7 @@ class Recorded(NamedTuple):
 def environment(options: QuickestOptions, tracks: int) -> HybridTrackQuickestVectorEnv:
     """Return N tracks of one episode each."""
     return HybridTrackQuickestVectorEnv(
-        tracks,
-        autoreset_mode="Disabled",
-        tick_info=False,
-        **vars(options),
+        tracks, autoreset_mode="Disabled", tick_info=False, **vars(options)
     )
 
 
@@ -109,10 +99,7 @@ def record(options: QuickestOptions, tracks: int, seed: int, nodes: int) -> Reco
 
 
 def exact_posteriors(
-    options: QuickestOptions,
-    measurements: FloatArray,
-    first: IntArray,
-    nodes: int,
+    options: QuickestOptions, measurements: FloatArray, first: IntArray, nodes: int
 ) -> FloatArray:
     """Return the logarithms of the posteriors of the modes, (T, N, M), from measurements (N, T,
     2); the first modes (N,) are used where the bank knows them as well.
@@ -129,17 +116,11 @@ def exact_posteriors(
 
 def reward(cost: float) -> Statistic:
     """Return the mean reward of a tick at a cost of a change to a wrong mode."""
-    return Statistic(
-        ("right", "wrong_changes"),
-        lambda right, changes: right - cost * changes,
-    )
+    return Statistic(("right", "wrong_changes"), lambda right, changes: right - cost * changes)
 
 
 def scores_of(
-    name: str,
-    thresholds: Sequence[float],
-    statements: Sequence[IntArray],
-    recorded: Recorded,
+    name: str, thresholds: Sequence[float], statements: Sequence[IntArray], recorded: Recorded
 ) -> Scores:
     """Return the scores of statements (T, N) at every threshold.
 
@@ -163,10 +144,7 @@ def scores_of(
 
 
 def all_scores(
-    options: QuickestOptions,
-    tracks: int,
-    seed: int,
-    nodes: int,
+    options: QuickestOptions, tracks: int, seed: int, nodes: int
 ) -> tuple[Recorded, dict[str, Scores]]:
     """Return what was recorded, and the scores of all deciders at all their thresholds."""
     recorded = record(options, tracks, seed, nodes)
@@ -231,11 +209,7 @@ def checks(recorded: Recorded, options: QuickestOptions, nodes: int) -> list[Row
         )
         compared[f"{nodes} nodes, from {2 * nodes + 1}"] = divergence(finer, exact[:, :CHECKED])
     return [
-        {
-            "figure": "divergence",
-            "decider": name,
-            "value": value,
-        }
+        {"figure": "divergence", "decider": name, "value": value}
         for name, value in compared.items()
     ]
 
@@ -279,24 +253,11 @@ def evaluate(world: str, noise: float, tracks: int, seed: int, nodes: int) -> li
 
 
 def evaluate_all(
-    worlds: Sequence[str],
-    noises: Sequence[float],
-    tracks: int,
-    seed: int,
-    nodes: int,
-    jobs: int,
+    worlds: Sequence[str], noises: Sequence[float], tracks: int, seed: int, nodes: int, jobs: int
 ) -> list[Row]:
     """Return the rows of worlds and noise levels."""
     calls = [
-        delayed(evaluate)(
-            world,
-            noise,
-            tracks,
-            seed,
-            nodes,
-        )
-        for world in worlds
-        for noise in noises
+        delayed(evaluate)(world, noise, tracks, seed, nodes) for world in worlds for noise in noises
     ]
     return [row for rows in in_parallel(calls, jobs, "worlds") for row in rows]
 
@@ -349,10 +310,7 @@ def figure(rows: Sequence[Row]) -> Figure:
                 capsize=3.0,
                 label=name,
             )
-        axes.set(
-            title=WORLDS[world].title,
-            xlabel="measurement variance R [m²]",
-        )
+        axes.set(title=WORLDS[world].title, xlabel="measurement variance R [m²]")
         axes.set_xticks(range(len(noises)), [f"{noise:g}" for noise in noises])
     every[0].set_ylabel("share of right ticks, less the optimum")
     handles, labels = every[-1].get_legend_handles_labels()

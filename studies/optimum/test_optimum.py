@@ -58,13 +58,7 @@ def test_histories_with_process_noise_agree_with_simulated_objects(start):
     more object. The speed at a switch differs by a tenth.
     """
     options = QuickestOptions(
-        **PATHS
-        | {
-            "ticks": 6,
-            "process_variance": 0.02,
-            "durations": "uniform 2-4",
-            "start": start,
-        }
+        **PATHS | {"ticks": 6, "process_variance": 0.02, "durations": "uniform 2-4", "start": start}
     )
     batches = [simulated(options, 20_000, seed) for seed in range(0, 200_000, 20_000)]
     positions, modes = (np.concatenate(parts, axis=1) for parts in zip(*batches, strict=True))
@@ -77,11 +71,7 @@ def test_histories_with_process_noise_agree_with_simulated_objects(start):
     squares = ((positions[:, known] - measurements[:, None]) ** 2).sum(-1)
     weights = np.exp(-0.5 * squares.cumsum(0) / 0.1)
     posteriors = np.exp(
-        history_posteriors(
-            options,
-            measurements,
-            first if start == "known" else None,
-        )
+        history_posteriors(options, measurements, first if start == "known" else None)
     )
     for tick, posterior in enumerate(posteriors):
         share = weights[tick] / weights[tick].sum()
@@ -96,10 +86,7 @@ def test_histories_with_process_noise_agree_with_simulated_objects(start):
 def simulated(options, tracks, seed):
     """Return the positions (T, N, 2) and the modes (T, N) of objects of the environment."""
     env = HybridTrackQuickestVectorEnv(
-        tracks,
-        autoreset_mode="Disabled",
-        tick_info=False,
-        **vars(options),
+        tracks, autoreset_mode="Disabled", tick_info=False, **vars(options)
     )
     positions = []
     modes = []

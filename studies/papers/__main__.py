@@ -53,12 +53,7 @@ class Reproduce:
             begun = time.perf_counter()
             result = study.reproduce(**({} if runs is None else {"runs": runs}), seed=self.seed)
             path = self.out / paper
-            save_results(
-                path,
-                to_markdown(result),
-                result.as_json(),
-                result.figure,
-            )
+            save_results(path, to_markdown(result), result.as_json(), result.figure)
             print(f"Computed in {time.perf_counter() - begun:.1f} s.\n")
             results.append(result)
         (self.out / "reproduction.md").write_text(summary(results), encoding="utf-8")

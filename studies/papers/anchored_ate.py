@@ -90,11 +90,7 @@ class AnchoredFilters:
 
 
 def anchored_ate(
-    recording: Simulation,
-    setting: Setting,
-    variance: float,
-    exact: bool,
-    reset: bool = False,
+    recording: Simulation, setting: Setting, variance: float, exact: bool, reset: bool = False
 ) -> tuple[FloatArray, IntArray, IntArray]:
     """Return estimates (n, T, 4), decided modes and decision times (n, K) of ATE, whose test is
     that of Golubkov 2018, algorithm 1.

@@ -69,27 +69,15 @@ def filter_known_modes(recording: Simulation, variance: float) -> FloatArray:
     state = np.tile([1.0, 1.0j] @ np.reshape(SETTING.start, (2, 2)), (runs, 1))
     covariance = np.tile(np.eye(2), (runs, 1, 1))
     estimates = []
-    parts = np.split(
-        measurements,
-        recording.lengths.cumsum()[:-1],
-        axis=1,
-    )
-    for part, radius in zip(
-        parts,
-        recording.signed_radii,
-        strict=True,
-    ):
+    parts = np.split(measurements, recording.lengths.cumsum()[:-1], axis=1)
+    for part, radius in zip(parts, recording.signed_radii, strict=True):
         transition = np.tile([[1.0, SETTING.tau], [0.0, 1.0]], (runs, 1, 1))
         centre = np.zeros((runs, 2), np.complex128)
         if radius:
             rate = np.abs(state[:, 1]) / radius
             cosine, sine = np.cos(rate * SETTING.tau), np.sin(rate * SETTING.tau)
             rows = [[cosine, sine / rate], [-rate * sine, cosine]]
-            transition = np.moveaxis(
-                np.array(rows),
-                -1,
-                0,
-            )
+            transition = np.moveaxis(np.array(rows), -1, 0)
             centre[:, 0] = state[:, 0] + 1j * state[:, 1] / rate
         for measured in part.T:
             state = centre + (transition @ (state - centre)[..., None])[..., 0]
@@ -114,45 +102,21 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
     for name, recording, tracks, of_setting in _compared(runs, seed):
         rows += of_setting
         variance = SETTING.variances[name]
-        refined = SETTING.track(
-            recording,
-            variance,
-            refine_radius=True,
-        )
-        findings += _findings(
-            name,
-            recording,
-            tracks,
-            refined,
-        )
+        refined = SETTING.track(recording, variance, refine_radius=True)
+        findings += _findings(name, recording, tracks, refined)
     return Reproduction(
         SETTING.paper,
         runs,
         seed,
         rows,
-        [
-            *findings,
-            *_counts(
-                runs,
-                seed,
-                rows,
-            ),
-            *_settings_tried(seed),
-        ],
+        [*findings, *_counts(runs, seed, rows), *_settings_tried(seed)],
     )
 
 
-def _compared(
-    runs: int,
-    seed: int,
-) -> Iterator[tuple[str, Simulation, Any, list[pd.DataFrame]]]:
+def _compared(runs: int, seed: int) -> Iterator[tuple[str, Simulation, Any, list[pd.DataFrame]]]:
     """Yield name, recording, tracks of ATE and rows of all tables of every setting."""
     for index, (name, variance) in enumerate(SETTING.variances.items()):
-        recording = SETTING.simulate(
-            runs,
-            seed + index,
-            variance,
-        )
+        recording = SETTING.simulate(runs, seed + index, variance)
         tracks = SETTING.track(recording, variance)
         known = rmse_row(
             KNOWN_MODES,
@@ -162,20 +126,7 @@ def _compared(
             recording.truth,
             seed,
         )
-        yield (
-            name,
-            recording,
-            tracks,
-            [
-                known,
-                *_ate_rows(
-                    name,
-                    recording,
-                    tracks,
-                    seed,
-                ),
-            ],
-        )
+        yield (name, recording, tracks, [known, *_ate_rows(name, recording, tracks, seed)])
 
 
 def _counts(runs: int, seed: int, rows: list[pd.DataFrame], seeds: int = 4) -> list[Finding]:
@@ -186,13 +137,7 @@ def _counts(runs: int, seed: int, rows: list[pd.DataFrame], seeds: int = 4) -> l
     for later in range(seed, seed + seeds):
         if later > seed:
             rows = [row for *_, of_setting in _compared(runs, later) for row in of_setting]
-        for table, cells in Reproduction(
-            "",
-            runs,
-            later,
-            rows,
-            (),
-        ).tables.items():
+        for table, cells in Reproduction("", runs, later, rows, ()).tables.items():
             counted[table].append(f"{(cells.verdict == 'inside').sum()} of {len(cells)}")
     label = f"at the seeds {seed} to {seed + seeds - 1}"
     return [(f"{table}, {label}", ", ".join(counts), "") for table, counts in counted.items()]
@@ -205,30 +150,14 @@ def _ate_rows(name: str, recording: Simulation, tracks: Any, seed: int) -> list[
     correct = 100.0 * SETTING.correct_types(tracks, recording).mean(1, keepdims=True)
     means = [
         table_row(
-            table,
-            name,
-            heads,
-            published[table],
-            intervals(
-                values,
-                np.positive,
-                seed,
-            ),
-            digits,
+            table, name, heads, published[table], intervals(values, np.positive, seed), digits
         )
         for table, heads, values, digits in (
             (TIMES, (*"123456", "mean"), ticks, 2),
             (SHARE, ("S, L or R",), correct, 1),
         )
     ]
-    errors = rmse_row(
-        ATE,
-        name,
-        published[ATE],
-        tracks.estimates,
-        recording.truth,
-        seed,
-    )
+    errors = rmse_row(ATE, name, published[ATE], tracks.estimates, recording.truth, seed)
     return [errors, *means]
 
 
@@ -275,31 +204,10 @@ def _settings_tried(seed: int, runs: int = 100) -> list[Finding]:
     for label, (world, options) in settings.items():
         rows = []
         for index, (name, variance) in enumerate(SETTING.variances.items()):
-            recording = SETTING.simulate(
-                runs,
-                seed + index,
-                variance,
-                **world,
-            )
-            tracks = SETTING.track(
-                recording,
-                variance,
-                **world,
-                **options,
-            )
-            rows += _ate_rows(
-                name,
-                recording,
-                tracks,
-                seed,
-            )
-        verdicts = Reproduction(
-            "",
-            runs,
-            seed,
-            rows,
-            (),
-        ).cells.verdict
+            recording = SETTING.simulate(runs, seed + index, variance, **world)
+            tracks = SETTING.track(recording, variance, **world, **options)
+            rows += _ate_rows(name, recording, tracks, seed)
+        verdicts = Reproduction("", runs, seed, rows, ()).cells.verdict
         inside = f"{(verdicts == 'inside').sum()} of {len(verdicts)} inside"
         label = f"tried, {runs} runs: tables 3, 4 and percentages with {label}"
         findings.append((label, inside, "not stated"))

@@ -60,24 +60,10 @@ def run_detector(
         process_variance=setting.process_variance,
         measurement_variance=variance,
     )
-    rule = RestartDecider(
-        options,
-        threshold,
-        0.0,
-        window,
-        bank,
-        mean=True,
-    )
+    rule = RestartDecider(options, threshold, 0.0, window, bank, mean=True)
     straight = np.full(options.hypotheses, -math.inf)
     straight[0] = 0.0
-    row = np.concatenate(
-        [
-            [0.0, 0.0],
-            setting.start,
-            np.eye(4)[np.triu_indices(4)],
-            straight,
-        ]
-    )
+    row = np.concatenate([[0.0, 0.0], setting.start, np.eye(4)[np.triu_indices(4)], straight])
     rows = np.tile(row, (len(measurements), 1))
     _, filters = rule.predict(rows)
     for measured in measurements.swapaxes(0, 1):
@@ -97,14 +83,7 @@ def ratios_of(
     """
     window = measurements.shape[1]
     # No ratio reaches the threshold.
-    ticks = run_detector(
-        measurements,
-        setting,
-        variance,
-        1e9,
-        window,
-        bank,
-    )
+    ticks = run_detector(measurements, setting, variance, 1e9, window, bank)
     return np.stack([filters.log_ratios[:, 1:].copy() for _, filters in ticks], axis=1)
 
 
@@ -118,27 +97,15 @@ def name_turns(ratios: FloatArray, threshold: float, error: float) -> tuple[IntA
     named = (ratios.max(2) >= threshold) & (others <= error)
     first = named.argmax(1)
     turns = best[np.arange(len(best)), first]
-    return np.where(
-        named.any(1),
-        turns,
-        -1,
-    ), first + 1
+    return np.where(named.any(1), turns, -1), first + 1
 
 
 def naming_statistics(values: FloatArray) -> FloatArray:
     """Return shares of namings [%] and the mean delay [ticks], (..., 4), from means of 0 or 1 for
     named, named right, right side, and of the delays of named turns, (..., 4).
     """
-    named, right, side, delay = np.moveaxis(
-        values,
-        -1,
-        0,
-    )
-    some = np.where(
-        named > 0.0,
-        named,
-        np.nan,
-    )
+    named, right, side, delay = np.moveaxis(values, -1, 0)
+    some = np.where(named > 0.0, named, np.nan)
     parts = [100.0 * right / some, 100.0 * side / some, 100.0 * (1.0 - named), delay / some]
     return np.stack(parts, axis=-1)
 
@@ -153,19 +120,10 @@ def identification(runs: int, seed: int) -> list[pd.DataFrame]:
     each = max(runs // radii.size, 1)
     schemes = [f"S20 {'L' if radius > 0.0 else 'R'}20r{abs(radius):g}" for radius in radii]
     drawn = [
-        setting.simulate(
-            each,
-            seed + k,
-            variance,
-            scheme=scheme,
-        )
+        setting.simulate(each, seed + k, variance, scheme=scheme)
         for k, scheme in enumerate(schemes)
     ]
-    published = setting.simulate(
-        runs,
-        seed,
-        variance,
-    )
+    published = setting.simulate(runs, seed, variance)
     worlds = {
         "published turn": ([published], np.full(runs, radii.tolist().index(-5.0))),
         "every turn": (drawn, np.repeat(np.arange(radii.size), each)),
@@ -173,30 +131,16 @@ def identification(runs: int, seed: int) -> list[pd.DataFrame]:
     rows = []
     for (world, (recordings, truth)), bank in product(worlds.items(), BANKS):
         measurements = np.concatenate([recording.measurements for recording in recordings])
-        ratios = ratios_of(
-            measurements,
-            setting,
-            variance,
-            bank,
-        )
+        ratios = ratios_of(measurements, setting, variance, bank)
         for error in ERRORS:
-            turns, ticks = name_turns(
-                ratios,
-                sprt_thresholds(NAMING_ALPHA)[0],
-                error,
-            )
+            turns, ticks = name_turns(ratios, sprt_thresholds(NAMING_ALPHA)[0], error)
             named = turns >= 0
             # A turn that is named before it begins is a wrong one.
             begun = named & (ticks > SWITCH)
             right = begun & (turns == truth)
             side = begun & (radii[turns] * radii[truth] > 0.0)
             values = np.stack([named, right, side, named * (ticks - SWITCH)], axis=1)
-            results = intervals(
-                values.astype(float),
-                naming_statistics,
-                seed,
-                len(values),
-            )
+            results = intervals(values.astype(float), naming_statistics, seed, len(values))
             rows.append(
                 table_row(
                     f"{NAMING}, {world}, {bank.replace('_', '-')} bank",
@@ -215,11 +159,7 @@ def naming_figure(cells: pd.DataFrame) -> Figure:
     """Draw the share of right names over the share of undecided runs, from cells of
     `identification`; the errors stand beside the last curve.
     """
-    figure = Figure(
-        figsize=(8.0, 5.0),
-        layout="constrained",
-        dpi=110,
-    )
+    figure = Figure(figsize=(8.0, 5.0), layout="constrained", dpi=110)
     axes = figure.subplots()
     for table, here in cells.groupby("table", sort=False):
         curve = here.pivot(index="row", columns="column", values="ours")
@@ -232,17 +172,9 @@ def naming_figure(cells: pd.DataFrame) -> Figure:
         )
     for row, undecided, right in curve[["undecided, %", "turn right, %"]].itertuples():
         axes.annotate(
-            row,
-            (undecided, right),
-            textcoords="offset points",
-            xytext=(-8, 2),
-            ha="right",
+            row, (undecided, right), textcoords="offset points", xytext=(-8, 2), ha="right"
         )
-    axes.set(
-        xlabel="undecided, % of runs",
-        ylabel="right, % of named turns",
-        xlim=(0.0, 102.0),
-    )
+    axes.set(xlabel="undecided, % of runs", ylabel="right, % of named turns", xlim=(0.0, 102.0))
     axes.grid(alpha=0.3)
     axes.legend(loc="upper left")
     return figure
@@ -271,27 +203,15 @@ def delay_statistics(ticks: IntArray) -> dict[str, float]:
 def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
     """Distribution of the detection delay; arguments as of `golubkov2018.reproduce`."""
     variance = SETTING.variances["R"]
-    measurements = SETTING.simulate(
-        runs,
-        seed,
-        variance,
-    ).measurements
+    measurements = SETTING.simulate(runs, seed, variance).measurements
     # Of the right turn.
-    ratios = ratios_of(
-        measurements,
-        SETTING,
-        variance,
-    )[..., 1]
+    ratios = ratios_of(measurements, SETTING, variance)[..., 1]
     rows = []
     for alpha in (0.1, 0.05, 0.01, 0.001):
         row = f"alpha = {alpha:g}"
         passed = ratios >= sprt_thresholds(alpha)[0]
         # Counted from 1, 0 without a detection.
-        ticks = np.where(
-            passed.any(1),
-            passed.argmax(1) + 1,
-            0,
-        )
+        ticks = np.where(passed.any(1), passed.argmax(1) + 1, 0)
         statistics = delay_statistics(ticks)
         name, mean = next(iter(statistics.items()))
         delays = delays_after(ticks)
@@ -316,14 +236,7 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
                 row,
                 statistics,
                 math.nan,
-                [
-                    [*statistics.values()],
-                    *np.nanpercentile(
-                        resampled,
-                        [2.5, 97.5],
-                        axis=0,
-                    ),
-                ],
+                [[*statistics.values()], *np.nanpercentile(resampled, [2.5, 97.5], axis=0)],
                 2,
                 BOOTSTRAP_INTERVAL,
             )

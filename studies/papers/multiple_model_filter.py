@@ -44,12 +44,7 @@ class MultipleModels:
         covariance: FloatArray,
     ):
         self.method = method
-        self.curvatures = np.divide(
-            1.0,
-            radii,
-            out=np.zeros(len(radii)),
-            where=radii != 0.0,
-        )
+        self.curvatures = np.divide(1.0, radii, out=np.zeros(len(radii)), where=radii != 0.0)
         self.process = np.diag([0.0, process_variance] * 2)
         self.noise = np.broadcast_to(noise, 2)
         n, modes = len(state), len(radii)
@@ -69,12 +64,7 @@ class MultipleModels:
         """Return the estimates, (n, 1, 4), and their covariances, (n, 1, 4, 4)."""
         return mixture(self.states, self.covariances, self.probabilities[:, None])
 
-    def step(
-        self,
-        measured: FloatArray,
-        dt: float,
-        transition: FloatArray | None,
-    ) -> None:
+    def step(self, measured: FloatArray, dt: float, transition: FloatArray | None) -> None:
         """Advance by a time step [s] to measurements (n, 2) [m]. `transition` has the
         probabilities of the modes given the mode before (row), (M, M); None: the mode stays.
         """

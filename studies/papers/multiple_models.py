@@ -59,14 +59,7 @@ ANCHORED = {
 }
 # Largest error probabilities at which the IMM changes its statement; with 1 it always states the
 # most probable type.
-ERRORS = (
-    1.0,
-    *np.logspace(
-        -0.2,
-        -12.0,
-        60,
-    ),
-)
+ERRORS = (1.0, *np.logspace(-0.2, -12.0, 60))
 # Values of a run and their decimals. nRMSE: root of the sum of the mean squared errors of the
 # state. Delay: until the statement is right to the end of the segment, or the whole segment. Wrong:
 # segments that end with a wrong statement. Wrong changes: of the statement to a wrong type. Kalman
@@ -106,105 +99,40 @@ class Tracked(NamedTuple):
 
 
 def _run_ate(
-    recording: Simulation,
-    setting: Setting,
-    variance: float,
-    options: dict[str, Any],
+    recording: Simulation, setting: Setting, variance: float, options: dict[str, Any]
 ) -> Tracked:
-    tracks = setting.track(
-        recording,
-        variance,
-        **options,
-    )
+    tracks = setting.track(recording, variance, **options)
     modes = len(setting.signed_radii)
-    sides, testing = _of_ticks(
-        recording,
-        setting,
-        tracks.decided,
-        tracks.ticks,
-    )
-    undecided = np.repeat(
-        tracks.undecided,
-        recording.lengths,
-        axis=1,
-    )
+    sides, testing = _of_ticks(recording, setting, tracks.decided, tracks.ticks)
+    undecided = np.repeat(tracks.undecided, recording.lengths, axis=1)
     recalculation = (setting.ate | options).get("recalculation", "none")
     again = {"none": 0, "as_published": 1, "rewind": modes}[recalculation]
     after = modes if options.get("refine_radius") else 1
-    steps = np.where(
-        testing,
-        modes + again * ~undecided,
-        after,
-    )
-    return Tracked(
-        tracks.estimates,
-        sides,
-        steps,
-    )
+    steps = np.where(testing, modes + again * ~undecided, after)
+    return Tracked(tracks.estimates, sides, steps)
 
 
 def _of_ticks(
-    recording: Simulation,
-    setting: Setting,
-    modes: IntArray,
-    times: IntArray,
+    recording: Simulation, setting: Setting, modes: IntArray, times: IntArray
 ) -> tuple[IntArray, NDArray[np.bool_]]:
     """Return the stated types (n, T), and whether the test runs (n, T), from decided modes and
     decision times (n, K).
     """
     lengths = recording.lengths
     decided = setting.sides[modes]
-    before = np.insert(
-        decided[:, :-1],
-        0,
-        0,
-        axis=1,
-    )
-    ticks, now, last = (
-        np.repeat(
-            values,
-            lengths,
-            axis=1,
-        )
-        for values in (times, decided, before)
-    )
+    before = np.insert(decided[:, :-1], 0, 0, axis=1)
+    ticks, now, last = (np.repeat(values, lengths, axis=1) for values in (times, decided, before))
     since = _ticks_since(lengths)
-    return np.where(
-        since >= ticks,
-        now,
-        last,
-    ), since <= ticks
+    return np.where(since >= ticks, now, last), since <= ticks
 
 
 def _run_anchored(
-    recording: Simulation,
-    setting: Setting,
-    variance: float,
-    exact: bool,
-    alpha: float,
+    recording: Simulation, setting: Setting, variance: float, exact: bool, alpha: float
 ) -> Tracked:
     changed = replace(setting, alpha=alpha)
-    estimates, modes, times = anchored_ate(
-        recording,
-        changed,
-        variance,
-        exact,
-    )
-    sides, testing = _of_ticks(
-        recording,
-        setting,
-        modes,
-        times,
-    )
-    return Tracked(
-        estimates,
-        sides,
-        np.where(
-            testing,
-            len(setting.signed_radii),
-            1,
-        ),
-    )
+    estimates, modes, times = anchored_ate(recording, changed, variance, exact)
+    sides, testing = _of_ticks(recording, setting, modes, times)
+    return Tracked(estimates, sides, np.where(testing, len(setting.signed_radii), 1))
 
 
 def _run_detector(recording: Simulation, setting: Setting, variance: float) -> Iterator[Tracked]:
@@ -224,11 +152,7 @@ def _run_detector(recording: Simulation, setting: Setting, variance: float) -> I
 
 
 def _run_models(
-    recording: Simulation,
-    setting: Setting,
-    variance: float,
-    method: Any,
-    known: bool,
+    recording: Simulation, setting: Setting, variance: float, method: Any, known: bool
 ) -> Iterator[Tracked]:
     lengths, radii = recording.lengths, setting.signed_radii
     runs = len(recording.measurements)
@@ -239,22 +163,11 @@ def _run_models(
     at_any_tick = stay + (others / others.sum(1, keepdims=True) - stay) / lengths.mean()
     at_switch = np.tile(prior, (len(radii), 1))
     start = np.tile(setting.start, (runs, 1))
-    models = MultipleModels(
-        method,
-        radii,
-        setting.process_variance,
-        variance,
-        start,
-        np.eye(4),
-    )
+    models = MultipleModels(method, radii, setting.process_variance, variance, start, np.eye(4))
     for k, since in enumerate(_ticks_since(lengths)):
         at_known_moment = at_switch if since == 1 else None
         transition = at_known_moment if known or k == 0 else at_any_tick
-        models.step(
-            recording.measurements[:, k],
-            setting.tau,
-            transition,
-        )
+        models.step(recording.measurements[:, k], setting.tau, transition)
         probabilities = models.probabilities @ groups
         yield Tracked(
             models.merged()[0][:, 0],
@@ -274,11 +187,7 @@ def estimators(setting: Setting, known: bool) -> dict[str, Callable[..., Any]]:
     a `Tracked`, or yield that of every tick.
     """
     models = {
-        name: partial(
-            _run_models,
-            method=name.lower(),
-            known=known,
-        )
+        name: partial(_run_models, method=name.lower(), known=known)
         for name in ("static", "GPB1", "IMM", "GPB2")
         # At known moments, static is the same as the IMM.
         if not known or name != "static"
@@ -287,11 +196,7 @@ def estimators(setting: Setting, known: bool) -> dict[str, Callable[..., Any]]:
         return {"detector 2020": _run_detector, **models}
     ate = {name: partial(_run_ate, options=given) for name, given in ATE[setting.paper].items()}
     kept = {
-        name: partial(
-            _run_anchored,
-            exact=exact,
-            alpha=alpha,
-        )
+        name: partial(_run_anchored, exact=exact, alpha=alpha)
         for name, (exact, alpha) in ANCHORED.items()
     }
     return {**ate, **kept, **models}
@@ -315,20 +220,12 @@ def stated_above(probabilities: FloatArray, error: float) -> IntArray:
     most a probability together, from the probabilities (n, T, 3); straight at first.
     """
     best = probabilities.argmax(2)
-    others = np.where(
-        np.arange(3) == best[..., None],
-        0.0,
-        probabilities,
-    ).sum(2)
+    others = np.where(np.arange(3) == best[..., None], 0.0, probabilities).sum(2)
     changes = others <= error
     stated = np.zeros(best.shape, np.int64)
     last = stated[:, 0]
     for k in range(best.shape[1]):
-        last = np.where(
-            changes[:, k],
-            best[:, k],
-            last,
-        )
+        last = np.where(changes[:, k], best[:, k], last)
         stated[:, k] = last
     return SIDES[stated]
 
@@ -341,50 +238,21 @@ def at_equal_wrong_changes(rival: Scores, curve: Sequence[Scores], seed: int) ->
     values = [[each.of(name, 0) for each in (rival, *curve)] for name in (wrong, delay)]
 
     def delays(means: FloatArray) -> FloatArray:
-        changes, late = np.split(
-            means,
-            2,
-            axis=-1,
-        )
+        changes, late = np.split(means, 2, axis=-1)
         few = changes[..., 1:] <= changes[..., :1]
         right = few.argmax(-1)[..., None] + 1
         left = np.maximum(right - 1, 1)
         (x0, y0), (x1, y1) = (
-            [
-                np.take_along_axis(
-                    line,
-                    index,
-                    -1,
-                )[..., 0]
-                for line in (changes, late)
-            ]
+            [np.take_along_axis(line, index, -1)[..., 0] for line in (changes, late)]
             for index in (left, right)
         )
-        share = np.where(
-            x0 > x1,
-            (x0 - changes[..., 0])
-            / np.where(
-                x0 > x1,
-                x0 - x1,
-                1.0,
-            ),
-            1.0,
-        )
-        equal = np.where(
-            few.any(-1),
-            y0 + share * (y1 - y0),
-            np.nan,
-        )
+        share = np.where(x0 > x1, (x0 - changes[..., 0]) / np.where(x0 > x1, x0 - x1, 1.0), 1.0)
+        equal = np.where(few.any(-1), y0 + share * (y1 - y0), np.nan)
         theirs = late[..., 0]
         return np.stack([changes[..., 0], theirs, equal, equal - theirs], axis=-1)
 
     per_run = np.concatenate(values).T
-    return intervals(
-        per_run,
-        delays,
-        seed,
-        len(per_run),
-    )[:3]
+    return intervals(per_run, delays, seed, len(per_run))[:3]
 
 
 def score(name: str, recording: Simulation, tracked: Tracked) -> Scores:
@@ -392,11 +260,7 @@ def score(name: str, recording: Simulation, tracked: Tracked) -> Scores:
     lengths, sides = recording.lengths, tracked.sides
     wrong = sides != np.repeat(np.sign(recording.signed_radii), lengths)
     begins = np.cumsum(lengths) - lengths
-    late = np.maximum.reduceat(
-        _ticks_since(lengths) * wrong,
-        begins,
-        axis=1,
-    )
+    late = np.maximum.reduceat(_ticks_since(lengths) * wrong, begins, axis=1)
     values = [
         ((tracked.estimates - recording.truth) ** 2).mean(1).sum(1),
         late.mean(1),
@@ -404,13 +268,7 @@ def score(name: str, recording: Simulation, tracked: Tracked) -> Scores:
         1000.0 * ((np.diff(sides, prepend=sides[:, :1]) != 0) & wrong).mean(1),
         tracked.steps.mean(1),
     ]
-    return Scores(
-        name,
-        "",
-        (0.0,),
-        tuple(METRICS),
-        np.stack(values, axis=1)[..., None],
-    )
+    return Scores(name, "", (0.0,), tuple(METRICS), np.stack(values, axis=1)[..., None])
 
 
 def reproduce(
@@ -425,43 +283,17 @@ def reproduce(
     rows: list[pd.DataFrame] = []
     curves = []
     numbered = enumerate(variances)
-    for setting, known, (index, variance) in product(
-        settings,
-        (True, False),
-        numbered,
-    ):
-        recording = setting.simulate(
-            runs,
-            seed + index,
-            variance,
-        )
+    for setting, known, (index, variance) in product(settings, (True, False), numbered):
+        recording = setting.simulate(runs, seed + index, variance)
         title = f"{setting.paper}, {'known' if known else 'unknown'} moments"
         table = f"{title}, R = {variance:g}"
         results = {
-            name: complete(
-                run(
-                    recording,
-                    setting,
-                    variance,
-                )
-            )
+            name: complete(run(recording, setting, variance))
             for name, run in estimators(setting, known).items()
         }
-        compared = [
-            score(
-                name,
-                recording,
-                tracked,
-            )
-            for name, tracked in results.items()
-        ]
+        compared = [score(name, recording, tracked) for name, tracked in results.items()]
         for scores in compared:
-            row = _row(
-                table,
-                scores.name,
-                METRICS,
-                scores.estimate,
-            )
+            row = _row(table, scores.name, METRICS, scores.estimate)
             rows.append(row)
             curves.append(row.assign(title=title, variance=variance))
         first, *others = compared
@@ -481,11 +313,7 @@ def reproduce(
         likely = results["IMM"].probabilities
         assert likely is not None
         curve = [
-            score(
-                "IMM",
-                recording,
-                results["IMM"]._replace(sides=stated_above(likely, error)),
-            )
+            score("IMM", recording, results["IMM"]._replace(sides=stated_above(likely, error)))
             for error in ERRORS
         ]
         rows += [
@@ -494,11 +322,7 @@ def reproduce(
                 f"IMM and {scores.name}",
                 EQUAL,
                 np.nan,
-                at_equal_wrong_changes(
-                    scores,
-                    curve,
-                    seed + index,
-                ),
+                at_equal_wrong_changes(scores, curve, seed + index),
                 1,
                 BOOTSTRAP_INTERVAL,
             )
@@ -506,21 +330,11 @@ def reproduce(
             if results[scores.name].probabilities is None
         ]
     figure = _figure(pd.concat(curves))
-    return Reproduction(
-        "ATE against multiple models",
-        runs,
-        seed,
-        rows,
-        (),
-        figure=figure,
-    )
+    return Reproduction("ATE against multiple models", runs, seed, rows, (), figure=figure)
 
 
 def _row(
-    table: str,
-    name: str,
-    metrics: Iterable[str],
-    estimate: Callable[[Statistic], Any],
+    table: str, name: str, metrics: Iterable[str], estimate: Callable[[Statistic], Any]
 ) -> pd.DataFrame:
     estimates = [
         estimate(Statistic((metric,), np.sqrt if metric == "nRMSE" else np.positive))
@@ -528,15 +342,7 @@ def _row(
     ]
     results = np.array([[*vars(each).values()] for each in estimates]).T
     digits = [METRICS[metric] for metric in metrics]
-    return table_row(
-        table,
-        name,
-        metrics,
-        np.nan,
-        results,
-        digits,
-        BOOTSTRAP_INTERVAL,
-    )
+    return table_row(table, name, metrics, np.nan, results, digits, BOOTSTRAP_INTERVAL)
 
 
 def _figure(cells: pd.DataFrame) -> Figure:
@@ -545,43 +351,15 @@ def _figure(cells: pd.DataFrame) -> Figure:
     """
     cells = cells[cells.row != "GPB2"]
     titles = cells.title.unique()
-    figure = Figure(
-        figsize=(18.0, 12.0),
-        layout="constrained",
-        dpi=110,
-    )
-    panels = figure.subplots(
-        len(COMPARED),
-        len(titles),
-        squeeze=False,
-    )
-    for (metric, title), axes in zip(
-        product(COMPARED, titles),
-        panels.flat,
-        strict=True,
-    ):
+    figure = Figure(figsize=(18.0, 12.0), layout="constrained", dpi=110)
+    panels = figure.subplots(len(COMPARED), len(titles), squeeze=False)
+    for (metric, title), axes in zip(product(COMPARED, titles), panels.flat, strict=True):
         here = cells[(cells.title == title) & (cells.column == metric)]
         for name, curve in here.groupby("row", sort=False):
             estimates = [Estimate(*row) for row in curve[["ours", "low", "high"]].to_numpy()]
-            draw_estimates(
-                axes,
-                curve.variance,
-                estimates,
-                marker="o",
-                label=name,
-            )
+            draw_estimates(axes, curve.variance, estimates, marker="o", label=name)
         scale = "log" if metric == "nRMSE" else "linear"
-        axes.set(
-            title=title,
-            xlabel="R, m²",
-            ylabel=metric,
-            xscale="log",
-            yscale=scale,
-        )
+        axes.set(title=title, xlabel="R, m²", ylabel=metric, xscale="log", yscale=scale)
     for axes in panels[0]:
-        axes.legend(
-            loc="lower center",
-            bbox_to_anchor=(0.5, 1.08),
-            fontsize=9,
-        )
+        axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.08), fontsize=9)
     return figure

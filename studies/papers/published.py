@@ -142,13 +142,7 @@ def rmse_row(
         return np.concatenate([roots, np.sqrt((roots**2).sum(-1, keepdims=True))], axis=-1)
 
     results = intervals(((estimates - truth) ** 2).mean(1), rmse_and_norm, seed)
-    return table_row(
-        table,
-        row,
-        ("x1", "x2", "x3", "x4", "nRMSE"),
-        published,
-        results,
-    )
+    return table_row(table, row, ("x1", "x2", "x3", "x4", "nRMSE"), published, results)
 
 
 def _texts(cells: pd.DataFrame) -> pd.DataFrame:

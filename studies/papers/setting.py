@@ -66,11 +66,7 @@ class Setting:
             "measurement_variance": variance,
             "alpha": self.alpha,
         }
-        return track_ate(
-            recording.measurements,
-            recording.lengths,
-            **(known | self.ate | options),
-        )
+        return track_ate(recording.measurements, recording.lengths, **(known | self.ate | options))
 
     def correct_types(self, tracks: Any, recording: Simulation) -> NDArray[np.bool_]:
         """(n, K) True where the decided type (straight, left or right) is correct."""
@@ -98,10 +94,4 @@ TSYGANOV_2019 = Setting(
 )
 # The tested turn is p = 2, as in the experiment, not p = 1. The paper states neither alpha nor
 # beta.
-GOLUBKOV_2020 = Setting(
-    "Golubkov 2020",
-    "golubkov2020",
-    (0.0, 0.0, 0.0, 2.0),
-    (5.0,),
-    {"R": 0.1},
-)
+GOLUBKOV_2020 = Setting("Golubkov 2020", "golubkov2020", (0.0, 0.0, 0.0, 2.0), (5.0,), {"R": 0.1})

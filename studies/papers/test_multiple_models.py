@@ -23,14 +23,7 @@ def kalman_step(x, P, radius, z):
     F = turn_matrix(x, 1.0 / radius if radius else 0.0, TAU)
     H = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0]])
     x = F @ x
-    P = F @ P @ F.T + np.diag(
-        [
-            0.0,
-            Q,
-            0.0,
-            Q,
-        ]
-    )
+    P = F @ P @ F.T + np.diag([0.0, Q, 0.0, Q])
     S = H @ P @ H.T + np.diag(R)
     K = P @ H.T @ np.linalg.inv(S)
     v = z - H @ x
@@ -70,32 +63,14 @@ def literal_step(method, states, covariances, mu, z):
 def test_estimators_equal_their_textbook_algorithms(method):
     start = np.array([1.0, 0.5, -2.0, 1.5])
     spread = np.diag([0.5, 0.2, 0.3, 0.1]) + 0.05
-    models = MultipleModels(
-        method,
-        RADII,
-        Q,
-        R,
-        start[None],
-        spread,
-    )
+    models = MultipleModels(method, RADII, Q, R, start[None], spread)
     states, covariances, mu = np.tile(start, (5, 1)), np.tile(spread, (5, 1, 1)), np.full(5, 0.2)
     for z in np.random.default_rng(0).normal(0.0, 2.0, (12, 2)):
         models.step(z[None], TAU, CHAIN)
-        states, covariances, mu = literal_step(
-            method,
-            states,
-            covariances,
-            mu,
-            z,
-        )
+        states, covariances, mu = literal_step(method, states, covariances, mu, z)
         ours = (*models.merged(), models.probabilities)
         for mine, literal in zip(ours, (*moments(mu, states, covariances), mu), strict=True):
-            np.testing.assert_allclose(
-                mine.reshape(literal.shape),
-                literal,
-                rtol=1e-8,
-                atol=1e-9,
-            )
+            np.testing.assert_allclose(mine.reshape(literal.shape), literal, rtol=1e-8, atol=1e-9)
 
 
 @pytest.mark.parametrize("bank", ["published", "anchor_aware"])
@@ -163,12 +138,7 @@ def test_delays_are_compared_where_wrong_changes_are_equal():
 
 
 def test_a_small_study_compares_every_estimator():
-    result = multiple_models.reproduce(
-        3,
-        1,
-        [TSYGANOV_2019],
-        [0.1],
-    )
+    result = multiple_models.reproduce(3, 1, [TSYGANOV_2019], [0.1])
     ours = result.cells.set_index(["table", "row", "column"]).ours
     known, unknown = (f"Tsyganov 2019, {word} moments, R = 0.1" for word in ("known", "unknown"))
 

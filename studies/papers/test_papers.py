@@ -43,12 +43,7 @@ def test_the_tables_of_the_page_are_up_to_date(tmp_path, marks, papers, file):
 
 
 @pytest.mark.parametrize(
-    ("paper", "least", "total"),
-    [
-        (golubkov2018, 36, 39),
-        (tsyganov2019, 9, 10),
-        (zimchuk, 4, 7),
-    ],
+    ("paper", "least", "total"), [(golubkov2018, 36, 39), (tsyganov2019, 9, 10), (zimchuk, 4, 7)]
 )
 def test_the_published_tables_come_out(paper, least, total):
     result = paper.reproduce(300, seed=0)
@@ -108,24 +103,12 @@ def test_intervals_are_those_of_a_mean_of_100_runs_and_of_all():
 
 
 def test_the_filter_with_known_modes_equals_matrix_filters():
-    recording = simulate(
-        "L40r3 S30 R50r6",
-        runs=1,
-        seed=3,
-        measurement_variance=0.3,
-    )
+    recording = simulate("L40r3 S30 R50r6", runs=1, seed=3, measurement_variance=0.3)
     estimates = iter(golubkov2018.filter_known_modes(recording, 0.3)[0])
     measurements = iter(recording.measurements[0])
     state, P = GOLUBKOV_2018.start, np.eye(4)
     for length, radius in ((40, 3.0), (30, 0.0), (50, -6.0)):
-        kalman = MatrixKalmanFilter(
-            state,
-            P,
-            radius,
-            0.1,
-            0.001,
-            0.3 * np.eye(2),
-        )
+        kalman = MatrixKalmanFilter(state, P, radius, 0.1, 0.001, 0.3 * np.eye(2))
         for _ in range(length):
             kalman.step(next(measurements))
             np.testing.assert_allclose(next(estimates), kalman.x, atol=1e-11)

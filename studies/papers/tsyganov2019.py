@@ -37,14 +37,7 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
         for variant, options in VARIANTS.items():
             tracks = SETTING.track(recording, variance, **options)
             estimates = tracks.estimates
-            row = rmse_row(
-                "Table, RMSE",
-                name,
-                TABLE[name],
-                estimates,
-                recording.truth,
-                seed,
-            )
+            row = rmse_row("Table, RMSE", name, TABLE[name], estimates, recording.truth, seed)
             claim = ""
             if not options:
                 rows.append(row)
@@ -52,10 +45,4 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
             correct = 100.0 * SETTING.correct_types(tracks, recording).mean()
             text = f"{correct:.1f} % of modes correct, nRMSE {row.ours.iloc[-1]:.4f}"
             findings.append((f"{name}, {variant}", text, claim))
-    return Reproduction(
-        SETTING.paper,
-        runs,
-        seed,
-        rows,
-        findings,
-    )
+    return Reproduction(SETTING.paper, runs, seed, rows, findings)

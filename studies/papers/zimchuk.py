@@ -20,18 +20,10 @@ from studies.papers.published import FloatArray, Reproduction, intervals, table_
 TAU, VARIANCE = 0.1, 25.0
 TIMES = TAU * np.arange(1, 701, dtype=np.float64)
 # First and last tick of each leg; tick k is at (k + 1) T.
-LEGS = {
-    "0-20 s": (0, 200),
-    "20-30 s": (200, 300),
-    "30-50 s": (300, 500),
-    "50-70 s": (500, 700),
-}
+LEGS = {"0-20 s": (0, 200), "20-30 s": (200, 300), "30-50 s": (300, 500), "50-70 s": (500, 700)}
 ADAPTIVE, SLOW = "adaptive, as published", "Kalman, sigma_w = 4.64"
 # Table 1: position RMSE [m] on each leg.
-PUBLISHED = {
-    ADAPTIVE: (3.95, 7.60, 4.12, 8.56),
-    SLOW: (3.94, 18.39, 3.64, 23.24),
-}
+PUBLISHED = {ADAPTIVE: (3.95, 7.60, 4.12, 8.56), SLOW: (3.94, 18.39, 3.64, 23.24)}
 
 
 def true_position() -> FloatArray:
@@ -46,23 +38,13 @@ def kalman(deviation: float) -> TrackFilter:
     """Return the Kalman filter CV with a deviation of the acceleration in a step [m/s^2], whose
     start has a deviation of 1000 m/s.
     """
-    model = MotionModel(
-        "CV",
-        axes=3,
-        noise=deviation**2,
-        discretization="discrete",
-    )
+    model = MotionModel("CV", axes=3, noise=deviation**2, discretization="discrete")
     return KalmanFilter(model, VARIANCE, start_deviations=(1000.0,))
 
 
 def positions_of(kind: TrackFilter, measured: FloatArray) -> FloatArray:
     """Positions of a filter, as the measurements (T, n, d)."""
-    return run_filter(
-        kind,
-        measured,
-        TIMES,
-        keep_covariances=False,
-    ).positions
+    return run_filter(kind, measured, TIMES, keep_covariances=False).positions
 
 
 def adaptive_positions(measured: FloatArray, limited: bool = True) -> FloatArray:
@@ -165,12 +147,7 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
             name,
             LEGS,
             PUBLISHED.get(name, np.nan),
-            intervals(
-                np.stack(of_legs, axis=-1),
-                np.sqrt,
-                seed,
-                study_runs=1,
-            ),
+            intervals(np.stack(of_legs, axis=-1), np.sqrt, seed, study_runs=1),
             2,
             "The interval contains 95 % of single runs; the paper does not state its number of"
             " runs.",
@@ -184,18 +161,8 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
             f"{of_leg:.2f}",
             f"{published:.2f}",
         )
-        for leg, of_leg, published in zip(
-            LEGS,
-            ours,
-            theirs,
-            strict=True,
-        )
+        for leg, of_leg, published in zip(LEGS, ours, theirs, strict=True)
     ]
     return Reproduction(
-        "Zimchuk & Kankin",
-        runs,
-        seed,
-        [*rows.values()],
-        findings,
-        size="runs not stated",
+        "Zimchuk & Kankin", runs, seed, [*rows.values()], findings, size="runs not stated"
     )

@@ -73,20 +73,9 @@ class Radar:
             counts = [f"{len(flown)} {split} flights" for split, flown in data.flights.items()]
             print(f"Data {self.out}: {', '.join(counts)}")
             return
-        scores = score_radar_data(
-            data,
-            self.out / "scores",
-            trials,
-            updates,
-            self.jobs,
-        )
+        scores = score_radar_data(data, self.out / "scores", trials, updates, self.jobs)
         content = radar_json(scores)
-        save_results(
-            self.out / "scores",
-            radar_tables(scores),
-            content,
-            radar_figure(scores),
-        )
+        save_results(self.out / "scores", radar_tables(scores), content, radar_figure(scores))
 
 
 if __name__ == "__main__":

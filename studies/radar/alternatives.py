@@ -24,12 +24,7 @@ class GHFilter(TrackFilter):
     covariance = None
 
     def __init__(
-        self,
-        axes: int,
-        g: float,
-        h: float,
-        k: float | None = None,
-        longest_gap: float = math.inf,
+        self, axes: int, g: float, h: float, k: float | None = None, longest_gap: float = math.inf
     ):
         self.axes = axes
         self.motion = MotionModel("CV" if k is None else "CA", axes, noise=0.0)
@@ -88,10 +83,7 @@ class Correntropy:
     width: float
 
     def factors(
-        self,
-        innovation: FloatArray,
-        predicted: FloatArray,
-        variance: FloatArray,
+        self, innovation: FloatArray, predicted: FloatArray, variance: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return corrections of state and covariance, and the log-likelihood, of innovations (B,)
         of variances predicted and measured, as the corrections of `baselines`.

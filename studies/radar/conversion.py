@@ -82,12 +82,7 @@ def conversion_errors(tracks: int, seed: int) -> dict[str, dict[str, tuple[float
     for bend in track(BENDS, "bends"):
         of_bend = errors[f"{bend:g}"] = {}
         for passing in OBJECTS:
-            each = squared_errors(
-                passing,
-                bend,
-                tracks,
-                seed,
-            )
+            each = squared_errors(passing, bend, tracks, seed)
             half = 1.96 * each.std(ddof=1) / math.sqrt(tracks)
             of_bend[passing.name] = float(each.mean()), float(half)
     return errors

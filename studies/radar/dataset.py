@@ -115,12 +115,7 @@ def write_radar_data(folder: Path, seed: int = 0, flights: int = FLIGHTS) -> Non
     about = {"seed": seed, "flights": flights, "training": training}
     (folder / "dataset.json").write_text(json.dumps(about) + "\n", encoding="utf-8")
     made_by = version("hybrid-track")
-    card = CARD.format(
-        **about,
-        version=made_by,
-        step=RECORD_STEP,
-        radars=radars,
-    )
+    card = CARD.format(**about, version=made_by, step=RECORD_STEP, radars=radars)
     (folder / "README.md").write_text(card, encoding="utf-8")
 
 
@@ -169,10 +164,7 @@ def _joined(table: pd.DataFrame, prefix: str) -> FloatArray:
 
 
 def truth_ahead(
-    flights: Sequence[Flight],
-    tracks: Tracks,
-    horizon: float,
-    fewest: int = 3,
+    flights: Sequence[Flight], tracks: Tracks, horizon: float, fewest: int = 3
 ) -> FloatArray:
     """Return the true positions some time after every measurement, (K, N, 3) [m]; NaN where none
     counts, as before the third measurement of a track.
@@ -197,19 +189,11 @@ def score_estimates(name: str, estimated: Estimated, data: RadarData, noise: Noi
         for horizon, forecast in zip(HORIZONS, estimated.forecasts, strict=True)
     ]
     values = np.concatenate([errors, measured, *np.swapaxes(ahead, 0, 1).mT], axis=1)
-    return Scores(
-        name,
-        "",
-        (0.0,),
-        COLUMNS,
-        values[..., None],
-    )
+    return Scores(name, "", (0.0,), COLUMNS, values[..., None])
 
 
 def _forecast_scores(
-    positions: FloatArray,
-    covariances: FloatArray | None,
-    truth: FloatArray,
+    positions: FloatArray, covariances: FloatArray | None, truth: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the RMSE [m] and the share of true positions in the stated region, (N,) each."""
     rmse = flight_errors(positions, truth)[:, 0]

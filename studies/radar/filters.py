@@ -13,15 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from optuna.distributions import BaseDistribution, FloatDistribution, IntDistribution
 
-from baselines import (
-    Huber,
-    IMMFilter,
-    KalmanFilter,
-    MotionModel,
-    StudentT,
-    TrackFilter,
-    run_filter,
-)
+from baselines import Huber, IMMFilter, KalmanFilter, MotionModel, StudentT, TrackFilter, run_filter
 from studies.radar.alternatives import Correntropy, GHFilter
 from studies.radar.flights import SPEED, FloatArray
 from studies.radar.particles import ParticleFilter
@@ -59,11 +51,7 @@ def moving_average(values: FloatArray, window: int, ratio: float = 1.0) -> Float
         weight = ratio**age
         sums[age:] += weight * known[: len(values) - age]
         weights[age:] += weight * present[: len(values) - age]
-    return np.where(
-        present,
-        sums / np.where(present, weights, 1.0),
-        np.nan,
-    )
+    return np.where(present, sums / np.where(present, weights, 1.0), np.nan)
 
 
 @dataclass(frozen=True)
@@ -78,10 +66,7 @@ class Contender:
 
 
 def filter_tracks(
-    contender: Contender,
-    parameters: Parameters,
-    tracks: Tracks,
-    horizons: Sequence[float] = (),
+    contender: Contender, parameters: Parameters, tracks: Tracks, horizons: Sequence[float] = ()
 ) -> Estimated:
     """Estimates after every measurement, with forecasts at horizons [s]; the parameters `window`
     and `ratio` average the measurements before the filter.
@@ -110,12 +95,7 @@ class ThesisKalmanFilter(KalmanFilter):
 
     start_variance = 1e4
 
-    def _start(
-        self,
-        chosen: NDArray[np.bool_],
-        measurement: FloatArray,
-        noise: FloatArray,
-    ) -> None:
+    def _start(self, chosen: NDArray[np.bool_], measurement: FloatArray, noise: FloatArray) -> None:
         super()._start(chosen, measurement, noise)
         self.covariance[chosen] = self.start_variance * np.eye(self.model.size)
 
@@ -126,12 +106,7 @@ def _thesis_filter(name: Any, parameters: Parameters) -> TrackFilter:
     "sigma_q" is taken for a variance: as such it gives the velocity errors of the published order
     for KF CV.
     """
-    model = MotionModel(
-        name,
-        axes=3,
-        noise=parameters["q"],
-        discretization="discrete",
-    )
+    model = MotionModel(name, axes=3, noise=parameters["q"], discretization="discrete")
     deviations = [math.sqrt(ThesisKalmanFilter.start_variance)] * (model.order - 1)
     return ThesisKalmanFilter(model, parameters.get("variances", SIGMA**2), deviations)
 
@@ -141,11 +116,7 @@ def _gh_filter(parameters: Parameters) -> TrackFilter:
     measurements, as its velocity is of no use then.
     """
     return GHFilter(
-        axes=3,
-        g=parameters["g"],
-        h=parameters["h"],
-        k=parameters.get("k"),
-        longest_gap=4.0,
+        axes=3, g=parameters["g"], h=parameters["h"], k=parameters.get("k"), longest_gap=4.0
     )
 
 
@@ -165,14 +136,7 @@ def _sound_filter(names: Sequence[Any], parameters: Parameters) -> TrackFilter:
     for name in names:
         model = MotionModel(name, axes=3, noise=(parameters[f"q {name}"],) * 3)
         start = START_DEVIATIONS[: model.order - 1]
-        filters.append(
-            KalmanFilter(
-                model,
-                variance,
-                start,
-                *robust,
-            )
-        )
+        filters.append(KalmanFilter(model, variance, start, *robust))
     if len(filters) == 1:
         return filters[0]
     return IMMFilter(filters, [parameters[f"sojourn {name}"] for name in names])
@@ -268,11 +232,4 @@ SLOW = {
 }
 # The IMM and the robust update of the Student-t CV, with the parameters that each has alone.
 COMBINED = "IMM, Student-t"
-CONTENDERS = {
-    **THESIS,
-    **UNTRIED,
-    **SOUND,
-    **ROBUST,
-    **SLOW,
-    COMBINED: _sound(("CV", "CA")),
-}
+CONTENDERS = {**THESIS, **UNTRIED, **SOUND, **ROBUST, **SLOW, COMBINED: _sound(("CV", "CA"))}

@@ -61,11 +61,7 @@ def flight_route(
         length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))])
         if length[-1] >= shortest:
             break
-    wanted = np.linspace(
-        0.0,
-        length[-1],
-        int(length[-1] // spacing) + 1,
-    )
+    wanted = np.linspace(0.0, length[-1], int(length[-1] // spacing) + 1)
     return np.stack([np.interp(wanted, length, curve[:, axis]) for axis in range(3)], axis=-1)
 
 
@@ -97,11 +93,7 @@ def thrust_command(
     way = target - position
     distance = np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-9)
     force = gain * (SPEED * way / distance - velocity) - drag(velocity)
-    force[..., 2] = np.clip(
-        force[..., 2] + GRAVITY,
-        smallest_force,
-        0.9 * LARGEST_FORCE,
-    )
+    force[..., 2] = np.clip(force[..., 2] + GRAVITY, smallest_force, 0.9 * LARGEST_FORCE)
     up = force[..., 2]
     allowed = np.minimum(math.tan(largest_tilt) * up, np.sqrt(LARGEST_FORCE**2 - up**2))
     sideways = np.maximum(np.hypot(force[..., 0], force[..., 1]), 1e-9)
@@ -119,11 +111,7 @@ class Guidance:
         self._counts = np.array([len(points) for points in waypoints])
         longest = self._counts.max()
         padded = [
-            np.pad(
-                points,
-                ((0, longest - len(points)), (0, 0)),
-                mode="edge",
-            )
+            np.pad(points, ((0, longest - len(points)), (0, 0)), mode="edge")
             for points in waypoints
         ]
         self._waypoints = np.stack(padded)
@@ -142,10 +130,7 @@ class Guidance:
         return self._waypoints[:, 0].copy(), velocity
 
     def targets(
-        self,
-        position: FloatArray,
-        capture: float = 40.0,
-        time_limit: float = 8.0,
+        self, position: FloatArray, capture: float = 40.0, time_limit: float = 8.0
     ) -> FloatArray:
         """Next waypoints, (N, 3) [m], `RECORD_STEP` after the last call, at positions (N, 3) [m].
         Within the distance `capture` [m] a waypoint counts as passed; a flight that takes longer
@@ -178,11 +163,7 @@ class Flight:
 
     def states_at(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Positions [m] and velocities [m/s], each (K, 3), at times within the flight, (K,) [s]."""
-        curve = CubicHermiteSpline(
-            self.times,
-            self.positions,
-            self.velocities,
-        )
+        curve = CubicHermiteSpline(self.times, self.positions, self.velocities)
         return np.asarray(curve(times), np.float64), np.asarray(curve(times, 1), np.float64)
 
 
@@ -201,11 +182,7 @@ def fly_point_masses(routes: list[FloatArray], lag: float = 0.2) -> list[Flight 
     velocities = [velocity]
     lengths = np.ones(len(routes), dtype=np.int64)
     while True:
-        command = thrust_command(
-            position,
-            velocity,
-            guidance.targets(position),
-        )
+        command = thrust_command(position, velocity, guidance.targets(position))
         if not guidance.flying.any():
             break
         force = force + share * (command - force)

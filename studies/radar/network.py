@@ -80,23 +80,12 @@ class RadarNet(nn.Module):
             if k > 0:
                 acceleration = _turned(back, ACCELERATION * out[:, 6:9].tanh())
             ahead, deviation = out[:, 9:].unflatten(-1, (2, len(HORIZONS), 3)).unbind(1)
-            forecast = self._forecast(
-                position,
-                velocity,
-                back,
-                ahead,
-                deviation,
-            )
+            forecast = self._forecast(position, velocity, back, ahead, deviation)
             estimates.append((position, velocity, *forecast))
         return tuple(map(torch.stack, zip(*estimates, strict=True)))
 
     def _forecast(
-        self,
-        position: Tensor,
-        velocity: Tensor,
-        back: Tensor,
-        ahead: Tensor,
-        deviation: Tensor,
+        self, position: Tensor, velocity: Tensor, back: Tensor, ahead: Tensor, deviation: Tensor
     ) -> tuple[Tensor, Tensor]:
         """Return positions (B, H, 3) and their covariances (B, H, 3, 3)."""
         horizons = torch.tensor(HORIZONS)[:, None]
@@ -143,10 +132,7 @@ def filter_with(net: RadarNet, measurements: FloatArray, times: FloatArray) -> E
 
 
 def radar_net(
-    data: RadarData,
-    file: Path,
-    updates: int = UPDATES,
-    learning_rate: float = 6e-3,
+    data: RadarData, file: Path, updates: int = UPDATES, learning_rate: float = 6e-3
 ) -> RadarNet:
     """Return the network of a file, or train it with a number of updates and write the file.
 
@@ -182,9 +168,7 @@ def radar_net(
 
 
 def _augmented(
-    truth: FloatArray,
-    times: FloatArray,
-    generator: np.random.Generator,
+    truth: FloatArray, times: FloatArray, generator: np.random.Generator
 ) -> list[Tensor]:
     """Return true values (K, 2 N, 2 + H, 3), measurements (K, 2 N, 3) with both noises and times
     (K, 2 N), of true values (N, K, 2 + H, 3) at times (K, N).

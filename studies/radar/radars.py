@@ -20,10 +20,7 @@ IntArray = NDArray[np.int64]
 
 Noise = Literal["gaussian", "levy"]
 NOISES: tuple[Noise, ...] = ("gaussian", "levy")
-NOISE_NAMES: dict[Noise, str] = {
-    "gaussian": "Gaussian noise",
-    "levy": "Levy noise",
-}
+NOISE_NAMES: dict[Noise, str] = {"gaussian": "Gaussian noise", "levy": "Levy noise"}
 # Largest distance of a measured object [m].
 RANGE = 1000.0
 # Time between the scans of a radar [s].
@@ -78,10 +75,7 @@ def place_radars(
 
 
 def scan_flight(
-    flight: Flight,
-    generator: np.random.Generator,
-    fewest: int = 10,
-    phases: int = 1024,
+    flight: Flight, generator: np.random.Generator, fewest: int = 10, phases: int = 1024
 ) -> Scan:
     """Place radars around a flight of at least some seconds, and find the moments and states that
     they measure. With fewer measurements the radars are placed again. The phase of a pair is a
@@ -100,12 +94,7 @@ def scan_flight(
         if len(times) >= fewest:
             break
     order = np.argsort(times, kind="stable")
-    return Scan(
-        radars,
-        times[order],
-        numbers[order],
-        *flight.states_at(times[order]),
-    )
+    return Scan(radars, times[order], numbers[order], *flight.states_at(times[order]))
 
 
 def scan_flights(flights: Sequence[Flight], seed: int) -> tuple[list[Scan], int]:
@@ -181,10 +170,5 @@ def flight_errors(estimates: FloatArray, truth: FloatArray) -> FloatArray:
     error = estimates - truth
     squares = np.nanmean(error**2, axis=0)
     sizes = np.nanmean(np.abs(error), axis=0)
-    measures = (
-        np.sqrt(squares).mean(-1),
-        sizes.mean(-1),
-        np.sqrt(squares.sum(-1)),
-        sizes.sum(-1),
-    )
+    measures = (np.sqrt(squares).mean(-1), sizes.mean(-1), np.sqrt(squares.sum(-1)), sizes.sum(-1))
     return np.stack(measures, axis=-1)

@@ -33,11 +33,7 @@ REFERENCE = "KF CV"
 
 
 def score_radar_data(
-    data: RadarData,
-    folder: Path,
-    trials: int,
-    updates: int,
-    jobs: int,
+    data: RadarData, folder: Path, trials: int, updates: int, jobs: int
 ) -> ByNoise:
     """Return the scores of all filters by noise, those of the thesis first, tuned and trained on
     the training flights.
@@ -47,15 +43,7 @@ def score_radar_data(
     """
     robust = *ROBUST, *SLOW
     names = *THESIS, *UNTRIED, *SOUND
-    tuned = tune_filters(
-        names,
-        data.tracks["training"],
-        data.seed,
-        folder,
-        trials,
-        jobs,
-        robust,
-    )
+    tuned = tune_filters(names, data.tracks["training"], data.seed, folder, trials, jobs, robust)
     net = radar_net(data, folder / "network.safetensors", updates)
     # With the parameters that the IMM and the robust update have alone.
     student = tuned["gaussian"]["CV, Student-t"]
@@ -69,37 +57,17 @@ def score_radar_data(
         scores[noise] = in_parallel(calls, jobs, NOISE_NAMES[noise])
         tracks = data.tracks["test"][noise]
         filtered = filter_with(net, tracks.measurements, tracks.times)
-        scores[noise].append(
-            score_estimates(
-                "recurrent network",
-                filtered,
-                data,
-                noise,
-            )
-        )
+        scores[noise].append(score_estimates("recurrent network", filtered, data, noise))
     return scores
 
 
 def score_filter(
-    name: str,
-    parameters: Mapping[str, float],
-    data: RadarData,
-    noise: Noise,
+    name: str, parameters: Mapping[str, float], data: RadarData, noise: Noise
 ) -> Scores:
     """Return the scores of one filter."""
     tracks = data.tracks["test"][noise]
-    filtered = filter_tracks(
-        CONTENDERS[name],
-        parameters,
-        tracks,
-        HORIZONS,
-    )
-    return score_estimates(
-        name,
-        filtered,
-        data,
-        noise,
-    )
+    filtered = filter_tracks(CONTENDERS[name], parameters, tracks, HORIZONS)
+    return score_estimates(name, filtered, data, noise)
 
 
 def radar_tables(by_noise: ByNoise) -> str:
@@ -172,15 +140,7 @@ def radar_figure(by_noise: ByNoise) -> Figure:
         places = np.arange(len(scores))
         for (column, label), marker in zip(labels.items(), "os^D", strict=True):
             estimates = [of_filter.estimate(STATISTICS[column]) for of_filter in scores]
-            draw_estimates(
-                axes,
-                places,
-                estimates,
-                True,
-                fmt=marker,
-                markersize=5,
-                label=label,
-            )
+            draw_estimates(axes, places, estimates, True, fmt=marker, markersize=5, label=label)
         axes.set(title=NOISE_NAMES[noise], xscale="log", xlabel="m")
         ticks = (10, 20, 50, 100, 200, 500)
         axes.set_xticks(ticks, [str(tick) for tick in ticks])

@@ -25,28 +25,14 @@ from studies.radar.dataset import (
 from studies.radar.filters import CONTENDERS, filter_tracks, moving_average
 from studies.radar.particles import ParticleFilter
 from studies.radar.radars import Tracks, draw_noise, flight_errors, measure, scan_flights
-from studies.radar.thesis import (
-    METRICS,
-    TABLES,
-    TEST_ERRORS,
-    UNFILTERED,
-    reproduce,
-    steady_gains,
-)
+from studies.radar.thesis import METRICS, TABLES, TEST_ERRORS, UNFILTERED, reproduce, steady_gains
 
 pytest.importorskip("pyarrow")
 
 
 @pytest.mark.parametrize("part", ["scores", "thesis", "conversion"])
 def test_the_quick_form_prints_its_tables(part, tmp_path, capsys):
-    arguments = [
-        part,
-        "--quick",
-        "--jobs",
-        "1",
-        "--out",
-        str(tmp_path),
-    ]
+    arguments = [part, "--quick", "--jobs", "1", "--out", str(tmp_path)]
     assert run_command(Radar, "radar", arguments) == 0
     assert (tmp_path / f"{part}.md").read_text() in capsys.readouterr().out
     values = json.loads((tmp_path / f"{part}.json").read_text())
@@ -100,12 +86,7 @@ def test_moving_average_equals_pandas():
     values[[0, 5, 6, 20]] = np.nan
     expected = pd.DataFrame(values).rolling(7, min_periods=1).mean().mask(np.isnan(values))
 
-    np.testing.assert_allclose(
-        moving_average(values, 7),
-        expected,
-        rtol=0.0,
-        atol=1e-9,
-    )
+    np.testing.assert_allclose(moving_average(values, 7), expected, rtol=0.0, atol=1e-9)
 
 
 def test_particles_equal_the_kalman_filter_with_normal_errors():
@@ -119,13 +100,7 @@ def test_particles_equal_the_kalman_filter_with_normal_errors():
     # With so many degrees of freedom, Student's t is normal.
     filters = (
         KalmanFilter(motion, 25.0, (20.0,)),
-        ParticleFilter(
-            motion,
-            5.0,
-            (20.0,),
-            1e6,
-            particles,
-        ),
+        ParticleFilter(motion, 5.0, (20.0,), 1e6, particles),
     )
     exact, ours = (run_filter(each, measured, times) for each in filters)
     variances, spread = (
@@ -143,14 +118,7 @@ def test_a_tuning_that_is_killed_ends_with_the_same_parameters(tmp_path):
     scans, _ = scan_flights(model.point_mass_flights(4, 0), 0)
     training = {"gaussian": measure(scans, "gaussian", (0, 2))}
     whole, _, parts = (
-        tuning.tune(
-            "KF CV",
-            "gaussian",
-            training,
-            trials,
-            7,
-            tmp_path / name,
-        )
+        tuning.tune("KF CV", "gaussian", training, trials, 7, tmp_path / name)
         for trials, name in ((12, "whole"), (5, "parts"), (12, "parts"))
     )
 
@@ -172,12 +140,7 @@ def test_the_published_pattern(tmp_path):
 def test_the_g_h_filter_starts_with_two_points_and_anew_after_a_gap():
     measurements = np.array([np.nan, 2.0, np.nan, 8.0, 11.0, np.nan, 50.0, 54.0, 54.5])[:, None]
     times = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 8.0, 9.0, 9.0]
-    gh = GHFilter(
-        1,
-        0.5,
-        0.25,
-        longest_gap=3.5,
-    )
+    gh = GHFilter(1, 0.5, 0.25, longest_gap=3.5)
     # By hand: two points 2 s apart, a prediction, a gap of 4 s, a second sensor at the same time.
     expected = [[2.0, 0.0], [2.0, 0.0], [8.0, 3.0], [11.0, 3.0], [14.0, 3.0], [50.0, 0.0]]
     states = run_filter(gh, measurements, times).states
@@ -205,12 +168,7 @@ def test_constant_gains_are_those_of_a_kalman_filter_in_its_steady_state(name):
         index = gamma / (2.0 * np.sqrt(1.0 - g))
         k = gamma / 4.0
     variance = (index * deviation / step**2) ** 2
-    motion = MotionModel(
-        name,
-        axes=1,
-        noise=variance,
-        discretization="discrete",
-    )
+    motion = MotionModel(name, axes=1, noise=variance, discretization="discrete")
     kalman = KalmanFilter(motion, deviation**2, [30.0] * (motion.order - 1))
     times = step * np.arange(200.0)
     noise = np.random.default_rng(0).normal(0.0, deviation, (200, 5, 1))
@@ -230,22 +188,12 @@ def test_the_noise_reduction_ratio_of_an_object_at_rest_is_that_of_the_closed_fo
     times = np.broadcast_to(np.arange(float(count))[:, None], (count, flights))
     still = np.zeros((count, flights, 3))
     noise = np.random.default_rng(4).normal(0.0, radars.SIGMA, still.shape)
-    tracks = Tracks(
-        times,
-        noise,
-        still,
-        still,
-    )
+    tracks = Tracks(times, noise, still, still)
     flown = [model.Flight(np.zeros((20 * count, 3)), np.zeros((20 * count, 3)))] * flights
     data = RadarData(0, {"test": flown}, {"test": {"gaussian": tracks}})
     g, h = 0.6, 0.25
     parameters = {"g": g, "h": h} | ({"k": k} if k else {})
-    filtered = filter_tracks(
-        CONTENDERS[name],
-        parameters,
-        tracks,
-        HORIZONS,
-    )
+    filtered = filter_tracks(CONTENDERS[name], parameters, tracks, HORIZONS)
     scores = score_estimates(name, filtered, data, "gaussian")
     ours = scores.estimate(STATISTICS["noise reduction ratio"])
     # The variance that constant gains leave of white noise, Mahafza & Elsherbeni 2004, chapter 9.

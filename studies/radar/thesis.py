@@ -35,12 +35,7 @@ from studies.radar.radars import (
 from studies.radar.tuning import TRIALS, errors, tune_filters
 from studies.results import in_parallel
 
-METRICS = (
-    "position RMSE, m",
-    "position MAE, m",
-    "velocity RMSE, m/s",
-    "velocity MAE, m/s",
-)
+METRICS = ("position RMSE, m", "position MAE, m", "velocity RMSE, m/s", "velocity MAE, m/s")
 # The same errors by the formulas of the thesis, see `flight_errors`.
 FORMULAS = (
     "position RMSE (1.25), m",
@@ -130,14 +125,7 @@ def reproduce(
     scans, first = scan_flights(point_mass_flights(flights, seed), seed)
     training = {noise: measure(scans[:first], noise, (seed, 2)) for noise in NOISES}
     compared = *THESIS, *UNTRIED
-    tuned = tune_filters(
-        compared,
-        training,
-        seed,
-        folder,
-        trials,
-        jobs,
-    )
+    tuned = tune_filters(compared, training, seed, folder, trials, jobs)
     # The measurements for which the filters are tuned, and those with noise that no tuning has met.
     splits = {
         "training": (scans[:first], [(seed, 2)]),
@@ -175,14 +163,7 @@ def reproduce(
         rows += _formula_rows(noise, tests, seed)
         rows += _reduction_rows(noise, tests, seed)
     findings = [*_parameters(tuned), *_orders(tests)]
-    return Reproduction(
-        "Novospaskyi 2025",
-        runs,
-        seed,
-        rows,
-        findings,
-        size=f"{FLIGHTS} flights",
-    )
+    return Reproduction("Novospaskyi 2025", runs, seed, rows, findings, size=f"{FLIGHTS} flights")
 
 
 def evaluate(
@@ -225,9 +206,7 @@ def _error_rows(
 
 
 def _formula_rows(
-    noise: Noise,
-    tests: dict[tuple[Noise, str], FloatArray],
-    seed: int,
+    noise: Noise, tests: dict[tuple[Noise, str], FloatArray], seed: int
 ) -> list[pd.DataFrame]:
     """Return the rows of the errors of all settings by the formulas of the thesis."""
     rows = []
@@ -248,9 +227,7 @@ def _formula_rows(
 
 
 def _reduction_rows(
-    noise: Noise,
-    tests: dict[tuple[Noise, str], FloatArray],
-    seed: int,
+    noise: Noise, tests: dict[tuple[Noise, str], FloatArray], seed: int
 ) -> list[pd.DataFrame]:
     """Return the rows of the noise reduction ratio, the position RMSE over that of no filter."""
     published = TEST_ERRORS[noise]
@@ -272,9 +249,7 @@ def _reduction_rows(
 
 
 def _of_flights(
-    of_filter: FloatArray,
-    statistics: Callable[[FloatArray], FloatArray],
-    seed: int,
+    of_filter: FloatArray, statistics: Callable[[FloatArray], FloatArray], seed: int
 ) -> list[FloatArray]:
     """Return `intervals` of errors (runs, F, n): those of a study of the size of the thesis, which
     has one noise for each flight, and our own, with flights as the runs.
@@ -296,10 +271,7 @@ def steady_gains(name: Any, ratio: float, step: float = 1.0) -> tuple[float, flo
     model = MotionModel(name, axes=1, noise=1.0, discretization="discrete")
     measured = np.eye(model.order)[:, :1]
     covariance = solve_discrete_are(
-        model.transition(step).T,
-        measured,
-        model.step_noise(step),
-        np.array([[ratio]]),
+        model.transition(step).T, measured, model.step_noise(step), np.array([[ratio]])
     )
     gain = covariance[:, 0] / (covariance[0, 0] + ratio)
     return float(gain[0]), float(gain[1] * step)

@@ -36,19 +36,8 @@ class Radius:
         variances, ratios, tracks = self.variances, self.ratios, self.tracks
         if self.quick:
             variances, ratios, tracks = (0.01,), (1.0, 1.25), 20
-        rows = study.evaluate(
-            variances,
-            ratios,
-            tracks,
-            self.seed,
-            self.jobs,
-        )
-        save_results(
-            self.out / "radius",
-            study.markdown(rows),
-            rows,
-            study.figure(rows),
-        )
+        rows = study.evaluate(variances, ratios, tracks, self.seed, self.jobs)
+        save_results(self.out / "radius", study.markdown(rows), rows, study.figure(rows))
 
 
 if __name__ == "__main__":

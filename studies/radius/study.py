@@ -26,20 +26,11 @@ Row = dict[str, Any]
 
 
 def evaluate(
-    variances: Sequence[float],
-    ratios: Sequence[float],
-    tracks: int,
-    seed: int,
-    jobs: int,
+    variances: Sequence[float], ratios: Sequence[float], tracks: int, seed: int, jobs: int
 ) -> list[Row]:
     """Return rows of all measurement variances and true radii over that of the bank."""
     calls = [
-        delayed(evaluate_turn)(
-            variance,
-            ratio,
-            tracks,
-            seed,
-        )
+        delayed(evaluate_turn)(variance, ratio, tracks, seed)
         for variance in variances
         for ratio in ratios
     ]
@@ -53,12 +44,7 @@ def evaluate_turn(variance: float, ratio: float, tracks: int, seed: int) -> list
     """
     radius = ratio * RADIUS
     ticks = DECISION + SINCE[-1]
-    run = simulate(
-        f"L{ticks}r{radius}",
-        tracks,
-        seed,
-        measurement_variance=variance,
-    )
+    run = simulate(f"L{ticks}r{radius}", tracks, seed, measurement_variance=variance)
     options: dict[str, Any] = {
         "bank": "anchor_aware",
         "measurement_variance": variance,
@@ -67,12 +53,7 @@ def evaluate_turn(variance: float, ratio: float, tracks: int, seed: int) -> list
     }
     single = OnlineTracker(WorldOptions(radii=(RADIUS,), **options), FixedTimeDecider(DECISION))
     several = OnlineTracker(
-        WorldOptions(
-            radii=RADII,
-            refine_radius=True,
-            **options,
-        ),
-        FixedTimeDecider(DECISION),
+        WorldOptions(radii=RADII, refine_radius=True, **options), FixedTimeDecider(DECISION)
     )
     places = np.array(SINCE) + DECISION - 1
     # Process noise changes the speed and not the turn rate.
@@ -83,10 +64,7 @@ def evaluate_turn(variance: float, ratio: float, tracks: int, seed: int) -> list
         error = generator.normal(size=4) * np.sqrt(single.options.start_variances)
         begin = np.array([0.0, 0.0, 0.0, SPEED]) + error
         found.append(
-            [
-                run_track(single, begin, measurements),
-                run_track(several, begin, measurements),
-            ]
+            [run_track(single, begin, measurements), run_track(several, begin, measurements)]
         )
     # (tracks, 2, places, 3): mode, radius and its deviation.
     values = np.array(found)[:, :, places]
@@ -171,11 +149,7 @@ def figure(rows: Sequence[Row]) -> Figure:
                 linestyle=styles[name],
                 label=f"{name}, true radius x {ratio:g}",
             )
-        axes.set(
-            title=f"R = {variance:g}",
-            xlabel="ticks since the decision",
-            yscale="log",
-        )
+        axes.set(title=f"R = {variance:g}", xlabel="ticks since the decision", yscale="log")
     every[0].set_ylabel("median error of the radius / true radius")
     handles, labels = every[-1].get_legend_handles_labels()
     canvas.legend(handles, labels, loc="outside right upper", frameon=False, fontsize=8)

@@ -7,14 +7,7 @@ import pytest
 
 
 def test_the_quick_form_compares_the_radii(tmp_path, run_study):
-    printed = run_study(
-        "radius",
-        "--quick",
-        "--jobs",
-        "1",
-        "--out",
-        str(tmp_path),
-    )
+    printed = run_study("radius", "--quick", "--jobs", "1", "--out", str(tmp_path))
     rows = pd.DataFrame(json.loads((tmp_path / "radius.json").read_text()))
     assert (tmp_path / "radius.md").read_text() in printed
     assert (tmp_path / "radius.png").exists()

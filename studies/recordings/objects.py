@@ -31,13 +31,7 @@ class Target(NamedTuple):
 
 
 TARGETS = {
-    "readme": Target(
-        2.0,
-        5.0,
-        0.1,
-        0.1**0.5,
-        1e-4,
-    ),
+    "readme": Target(2.0, 5.0, 0.1, 0.1**0.5, 1e-4),
     "walker": Target(1.4, 10.0, 1.0, 1.0),
     "car": Target(20.0, 200.0, 1.0, 2.0),
     "ship": Target(8.0, 500.0, 10.0, 8.0),

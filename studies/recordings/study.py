@@ -108,13 +108,7 @@ def compare(world: str, results: Sequence[Statements], deciders: Sequence[str]) 
             [(of_track < 3).sum(), (of_track < 5).sum(), len(clock)]
             for of_track, clock in zip(lengths, clocks, strict=True)
         ]
-        pieces = Scores(
-            decider,
-            "",
-            (0.0,),
-            (*SHORT, "rows"),
-            np.array(counts, float)[..., None],
-        )
+        pieces = Scores(decider, "", (0.0,), (*SHORT, "rows"), np.array(counts, float)[..., None])
         values = scores.estimates[decider]
         less = scores.differences.get(decider, {})
         rows.append(
@@ -163,13 +157,7 @@ def costs(decider: str, recording: SimulatedRecording) -> Row:
 def markdown(rows: Sequence[Row]) -> str:
     """Return the table."""
     changed = {"right_less_first": 4, "wrong_less_first": 2}
-    numbers = {
-        "shortest": 0,
-        "hourly": 1,
-        "reward": 4,
-        "row_us": 0,
-        "start_s": 1,
-    }
+    numbers = {"shortest": 0, "hourly": 1, "reward": 4, "row_us": 0, "start_s": 1}
     lines = [
         [
             row["recordings"],

@@ -9,14 +9,7 @@ from studies.recordings.objects import KINDS, TARGETS, record
 
 
 def test_the_quick_form_compares_two_deciders(tmp_path, run_study):
-    printed = run_study(
-        "recordings",
-        "--quick",
-        "--jobs",
-        "1",
-        "--out",
-        str(tmp_path),
-    )
+    printed = run_study("recordings", "--quick", "--jobs", "1", "--out", str(tmp_path))
     rows = json.loads((tmp_path / "recordings.json").read_text())
 
     assert (tmp_path / "recordings.md").read_text() in printed
@@ -39,12 +32,7 @@ def test_the_quick_form_compares_two_deciders(tmp_path, run_study):
 @pytest.mark.parametrize("name", TARGETS)
 def test_rows_move_as_their_modes_say(name, kind):
     target = TARGETS[name]
-    times, positions, modes = record(
-        name,
-        kind,
-        3,
-        2000,
-    )
+    times, positions, modes = record(name, kind, 3, 2000)
     assert len(times) == len(positions) == len(modes)
     steps = np.diff(times) / target.tau
     assert (steps.min(), steps.max() > 1.2) == {

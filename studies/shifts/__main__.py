@@ -53,32 +53,12 @@ class Shifts:
         task = task_of(self.env)
         names, worlds = (
             self.deciders,
-            study.worlds_of(
-                task,
-                self.shifted,
-                self.drawn,
-                self.noises,
-            ),
+            study.worlds_of(task, self.shifted, self.drawn, self.noises),
         )
         if self.quick:
-            names, worlds = (
-                ("msprt", "ate"),
-                study.worlds_of(
-                    task,
-                    False,
-                    1,
-                    (),
-                ),
-            )
+            names, worlds = (("msprt", "ate"), study.worlds_of(task, False, 1, ()))
         episodes = 10 if self.quick else self.episodes
-        rows = study.evaluate(
-            names,
-            self.env,
-            worlds,
-            episodes,
-            self.seed,
-            self.jobs,
-        )
+        rows = study.evaluate(names, self.env, worlds, episodes, self.seed, self.jobs)
         save_results(self.out / "shifts", study.markdown(rows), rows)
 
 

@@ -45,13 +45,7 @@ def evaluate(
     ]
     usual = dict(zip(names, in_parallel(selected, jobs, "thresholds"), strict=True))
     calls = [
-        delayed(evaluate_world)(
-            world,
-            task_of(env_id, options),
-            usual,
-            episodes,
-            seed,
-        )
+        delayed(evaluate_world)(world, task_of(env_id, options), usual, episodes, seed)
         for world, options in worlds.items()
     ]
     return [row for rows in in_parallel(calls, jobs, "worlds") for row in rows]
@@ -72,15 +66,7 @@ def evaluate_world(
         decider = find_decider(name, task.options)
         best = nominal if world == NOMINAL else select_threshold(task, decider, episodes)
         thresholds = tuple(dict.fromkeys((best, nominal)))
-        every.append(
-            sweep(
-                task,
-                decider,
-                episodes,
-                seed,
-                thresholds=thresholds,
-            )
-        )
+        every.append(sweep(task, decider, episodes, seed, thresholds=thresholds))
     rows: list[Row] = [
         {
             "world": world,
@@ -97,18 +83,8 @@ def evaluate_world(
         other = max(others, key=lambda scores: scores.curve(goal)[0])
         rows[0] |= {
             "best_other": other.name,
-            "difference": first.difference(
-                other,
-                goal,
-                0,
-                0,
-            ),
-            "nominal_difference": first.difference(
-                other,
-                goal,
-                -1,
-                0,
-            ),
+            "difference": first.difference(other, goal, 0, 0),
+            "nominal_difference": first.difference(other, goal, -1, 0),
         }
     return rows
 

@@ -10,14 +10,7 @@ from studies.shifts.worlds import NOMINAL, RHYTHMS, draw_worlds, shifted_worlds
 
 
 def test_the_quick_form_compares_the_first_decider_with_the_best_other(tmp_path, run_study):
-    printed = run_study(
-        "shifts",
-        "--quick",
-        "--jobs",
-        "1",
-        "--out",
-        str(tmp_path),
-    )
+    printed = run_study("shifts", "--quick", "--jobs", "1", "--out", str(tmp_path))
     rows = json.loads((tmp_path / "shifts.json").read_text())
 
     assert (tmp_path / "shifts.md").read_text() in printed

@@ -71,22 +71,11 @@ class Simulators:
         for name in self.deciders:
             find_decider(name, places[0].options())
         calls = [
-            joblib.delayed(study.compare)(
-                place,
-                self.deciders,
-                episodes,
-                seed,
-            )
-            for place in places
+            joblib.delayed(study.compare)(place, self.deciders, episodes, seed) for place in places
         ]
         rows = in_parallel(calls, self.jobs, "worlds")
         content = {"worlds": rows, "counts": study.counts(rows), "seal": current_seal(SEAL)}
-        save_results(
-            self.out / "simulators",
-            study.markdown(rows),
-            content,
-            study.figure(rows),
-        )
+        save_results(self.out / "simulators", study.markdown(rows), content, study.figure(rows))
 
 
 if __name__ == "__main__":

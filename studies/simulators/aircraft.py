@@ -63,10 +63,7 @@ class Aircraft(Vehicle):
         return [flown_path(velocities[SETTLED:], modes)]
 
     def commands(
-        self,
-        count: int,
-        generator: np.random.Generator,
-        spread: float = 0.15,
+        self, count: int, generator: np.random.Generator, spread: float = 0.15
     ) -> tuple[IntArray, FloatArray]:
         """Return the modes (count,) at every correction, and the commanded banks [deg], right
         positive, with those of straight flight before.

@@ -120,9 +120,4 @@ def _run(command: str, folder: FilePath) -> None:
 
     program, *flags = command.split()
     path = FilePath(sumo.SUMO_HOME) / "bin" / program
-    subprocess.run(
-        [path, *flags],
-        cwd=folder,
-        check=True,
-        capture_output=True,
-    )
+    subprocess.run([path, *flags], cwd=folder, check=True, capture_output=True)

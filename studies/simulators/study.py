@@ -32,21 +32,8 @@ def compare(world: World, names: Sequence[str], episodes: int, seed: int) -> Row
     # Mean of a tick.
     reward = task_of("HybridTrackQuickest-v0").statistic("reward")
     agent, *rules = names
-    likeliest = world.rewards(
-        agent,
-        episodes,
-        seed,
-        likeliest=True,
-    )
-    tuned = [
-        tuned_rewards(
-            world,
-            name,
-            episodes,
-            seed,
-        )
-        for name in rules
-    ]
+    likeliest = world.rewards(agent, episodes, seed, likeliest=True)
+    tuned = [tuned_rewards(world, name, episodes, seed) for name in rules]
     best, setting = max(tuned, key=lambda pair: pair[0].estimate(reward).value)
     return {
         "world": world.name,
@@ -84,26 +71,16 @@ def tuned_rewards(
         settings.append({"likeliest": True})
     rewards = np.concatenate(
         [
-            world.rewards(
-                name,
-                episodes,
-                SELECTION,
-                **setting,
-                thresholds=thresholds,
-            ).values.mean(0)
+            world.rewards(name, episodes, SELECTION, **setting, thresholds=thresholds).values.mean(
+                0
+            )
             for setting in settings
         ]
     )
     row, column = np.unravel_index(rewards.argmax(), rewards.shape)
     setting = settings[row]
     chosen = (thresholds[column],)
-    return world.rewards(
-        name,
-        episodes,
-        seed,
-        **setting,
-        thresholds=chosen,
-    ), setting
+    return world.rewards(name, episodes, seed, **setting, thresholds=chosen), setting
 
 
 def counts(rows: Sequence[Row]) -> dict[str, int]:
@@ -170,20 +147,9 @@ def figure(rows: Sequence[Row]) -> Figure:
     canvas, axes = plt.subplots(figsize=(9.0, 5.0), layout="constrained")
     for kind, part in frame.groupby("kind", sort=False):
         bars = part.value - part.low, part.high - part.value
-        axes.errorbar(
-            part.mismatch,
-            part.value,
-            bars,
-            fmt="o",
-            label=kind,
-        )
+        axes.errorbar(part.mismatch, part.value, bars, fmt="o", label=kind)
     for level in (0.0, -ALLOWED):
-        axes.axhline(
-            level,
-            color="0.75",
-            linestyle="--",
-            zorder=0,
-        )
+        axes.axhline(level, color="0.75", linestyle="--", zorder=0)
     axes.set(
         xscale="log",
         xlabel="mean squared whitened innovation",

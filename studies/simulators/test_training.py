@@ -15,20 +15,12 @@ OPTIONS = QuickestOptions(ticks=300, radii=(3.0,), durations=CARS)
 
 def test_without_spread_the_motion_is_that_told():
     modes = np.repeat([0, 1, 2, 0], 20)[:, None] * np.ones(5, np.int64)
-    positions, first = inexact_paths(
-        OPTIONS,
-        modes,
-        np.random.default_rng(0),
-        0.0,
-    )
+    positions, first = inexact_paths(OPTIONS, modes, np.random.default_rng(0), 0.0)
     moved = np.diff(positions, axis=0, prepend=np.zeros((1, 5, 2)))
 
     assert np.hypot(*moved.T) == pytest.approx(0.2)
     assert np.hypot(first[:, 1], first[:, 3]) == pytest.approx(2.0)
-    headings = np.unwrap(
-        np.arctan2(moved[..., 1], moved[..., 0]),
-        axis=0,
-    )
+    headings = np.unwrap(np.arctan2(moved[..., 1], moved[..., 0]), axis=0)
     turned = np.diff(headings, axis=0)
     expected = np.array([0.0, 1.0, -1.0])[modes] * 0.2 / 3.0
     # The middle of a tick is its chord.
@@ -36,8 +28,7 @@ def test_without_spread_the_motion_is_that_told():
 
 
 @pytest.mark.parametrize(
-    ("law", "slowest", "fastest"),
-    [("25 + geometric 50", 0.84, 1.16), (CARS, 0.0, 1.31)],
+    ("law", "slowest", "fastest"), [("25 + geometric 50", 0.84, 1.16), (CARS, 0.0, 1.31)]
 )
 def test_aircraft_keep_their_speed_and_cars_brake(law, slowest, fastest):
     options = dataclasses.replace(OPTIONS, durations=law)
@@ -65,12 +56,7 @@ def test_paths_do_not_depend_on_units():
         inexact_paths(options, modes, np.random.default_rng(2))[0] for options in (OPTIONS, other)
     )
 
-    np.testing.assert_allclose(
-        scaled,
-        length * positions,
-        rtol=1e-9,
-        atol=1e-6,
-    )
+    np.testing.assert_allclose(scaled, length * positions, rtol=1e-9, atol=1e-6)
 
 
 def test_rows_of_objects_that_move_otherwise_than_told_are_finite():
@@ -79,13 +65,7 @@ def test_rows_of_objects_that_move_otherwise_than_told_are_finite():
         "HybridTrackQuickest-v0",
         ("worlds=2", "n_envs=2", "batch_size=4", "ticks=20"),
     )
-    run = make_run(
-        "HybridTrackQuickest-v0",
-        {},
-        recipe,
-        0,
-        steps=80,
-    )
+    run = make_run("HybridTrackQuickest-v0", {}, recipe, 0, steps=80)
     [batch] = run.batches()
 
     assert batch.inputs.shape == (20, 4, 2, 26)

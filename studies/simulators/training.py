@@ -88,11 +88,7 @@ def draw_options(generator: Generator, options: QuickestOptions) -> QuickestOpti
     scale = step / angle / min(options.radii)
     radii = tuple(scale * radius for radius in options.radii)
     return replace(
-        options,
-        durations=law,
-        hazard=hazard,
-        measurement_variance=variance,
-        radii=radii,
+        options, durations=law, hazard=hazard, measurement_variance=variance, radii=radii
     )
 
 
@@ -114,10 +110,7 @@ def inexact_travel(
 
 
 def inexact_paths(
-    options: QuickestOptions,
-    modes: NDArray[np.int64],
-    generator: Generator,
-    spread: float = 1.0,
+    options: QuickestOptions, modes: NDArray[np.int64], generator: Generator, spread: float = 1.0
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return positions (T, N, 2) [m] of objects in given modes (T, N), and their first states
     (N, 4); `spread` 0 gives the motion that is told.

@@ -134,10 +134,7 @@ class World:
         ).options
 
     def travel(
-        self,
-        options: QuickestOptions,
-        tracks: int,
-        seed: int,
+        self, options: QuickestOptions, tracks: int, seed: int
     ) -> tuple[FloatArray, IntArray, FloatArray]:
         """Return the paths of consecutive seeds, as `GivenTracks` takes them. Track i has that of
         `seed` + i, whatever noise and tick are.
@@ -180,25 +177,14 @@ class World:
         decider = find_decider(name, options)
         thresholds = tuple(thresholds) or (decider.default,)
         statements = record_in(
-            lambda: GivenTracks(
-                self.travel,
-                options,
-                episodes,
-                likeliest,
-            ),
+            lambda: GivenTracks(self.travel, options, episodes, likeliest),
             decider,
             seed,
             thresholds,
         )
         rewards = [measure_statements(each, options.change_cost).reward for each in statements]
         values = np.stack(rewards, axis=-1)[:, None]
-        return Scores(
-            decider.title,
-            decider.symbol,
-            thresholds,
-            ("reward",),
-            values,
-        )
+        return Scores(decider.title, decider.symbol, thresholds, ("reward",), values)
 
     def mismatch(self, seed: int, tracks: int = 8) -> float:
         """Return the mean squared whitened innovation of a coordinate, 1 where the model of the
@@ -224,12 +210,7 @@ def worlds(modules: Sequence[str], quick: bool = False) -> list[World]:
     each of its ticks and noises; if `quick`, one of each simulator with paths of three minutes.
     """
     every = [
-        World(
-            kind,
-            vehicle,
-            tick,
-            noise,
-        )
+        World(kind, vehicle, tick, noise)
         for kind, vehicle in VEHICLES.items()
         if vehicle.simulator.lower() in modules
         for tick in vehicle.ticks

@@ -50,22 +50,10 @@ class Tune:
             changes, trials, steps = ("n_envs=8", "n_steps=32", "batch_size=64"), 3, 512
         algorithm = load_recipe(self.recipe, self.env, changes).algo
         ranges = search.parse_ranges(self.search, algorithm)
-        wanted = search.Search(
-            self.env,
-            self.recipe,
-            changes,
-            ranges,
-            self.seed,
-            steps,
-        )
+        wanted = search.Search(self.env, self.recipe, changes, ranges, self.seed, steps)
         self.out.mkdir(parents=True, exist_ok=True)
         study = search.open_study(wanted, self.out)
-        search.run_trials(
-            wanted,
-            study,
-            trials,
-            self.jobs,
-        )
+        search.run_trials(wanted, study, trials, self.jobs)
         table = study.trials_dataframe(attrs=("number", "value", "params", "state"))
         table = table[table.pop("state") == "COMPLETE"]
         if table.empty:

@@ -168,12 +168,7 @@ def train_trial(search: Search, values: Mapping[str, Any], medians: Sequence[flo
             on_progress=check,
         )
         # On the episodes of the learning curve.
-        metrics = evaluate(
-            agent,
-            search.env_id,
-            episodes=200,
-            seed=3_000_000_000,
-        )
+        metrics = evaluate(agent, search.env_id, episodes=200, seed=3_000_000_000)
         reward = metrics["reward"].value
     except optuna.TrialPruned:
         pass

@@ -16,31 +16,10 @@ RANGES = ("learning_rate=0.001..0.02", "batch_size=160|320", "n_epochs=1..3")
 
 def tune(folder, trials, jobs):
     """Parameters and reward of the trials of a search, after it went on."""
-    flags = [
-        "--env",
-        ENV,
-        "--steps",
-        "1280",
-        "--set",
-        *SMALL,
-    ]
-    flags += [
-        "--search",
-        *RANGES,
-        "--out",
-        str(folder),
-        "--trials",
-        str(trials),
-    ]
+    flags = ["--env", ENV, "--steps", "1280", "--set", *SMALL]
+    flags += ["--search", *RANGES, "--out", str(folder), "--trials", str(trials)]
     assert run_command(Tune, "tune", [*flags, "--jobs", str(jobs)]) == 0
-    search = Search(
-        ENV,
-        "ppo",
-        SMALL,
-        dict(map(parse_range, RANGES)),
-        0,
-        1280,
-    )
+    search = Search(ENV, "ppo", SMALL, dict(map(parse_range, RANGES)), 0, 1280)
     return [(trial.params, trial.value) for trial in open_study(search, folder).get_trials()]
 
 
@@ -61,14 +40,7 @@ def test_a_search_goes_on_in_other_processes_and_its_best_trial_is_a_recipe(tmp_
 
 
 def test_the_trials_of_a_killed_search_are_repeated_with_their_values(tmp_path):
-    search = Search(
-        ENV,
-        "ppo",
-        SMALL,
-        dict([parse_range("n_epochs=1..3")]),
-        0,
-        2560,
-    )
+    search = Search(ENV, "ppo", SMALL, dict([parse_range("n_epochs=1..3")]), 0, 2560)
     study = open_study(search, tmp_path)
     values = [study.ask().suggest_int("n_epochs", 1, 3) for _ in range(2)]
     again = open_study(search, tmp_path)
@@ -78,18 +50,7 @@ def test_the_trials_of_a_killed_search_are_repeated_with_their_values(tmp_path):
 
 
 def test_a_training_below_the_median_ends_early():
-    rewards, reward, _ = train_trial(
-        Search(
-            ENV,
-            "ppo",
-            SMALL,
-            {},
-            0,
-            12800,
-        ),
-        {},
-        [9.0] * POINTS,
-    )
+    rewards, reward, _ = train_trial(Search(ENV, "ppo", SMALL, {}, 0, 12800), {}, [9.0] * POINTS)
 
     assert reward is None
     assert 5 <= len(rewards) < POINTS

@@ -22,13 +22,7 @@ def first(rows):
 
 
 def test_evaluate_returns_the_figures_of_the_command(tmp_path):
-    metrics = agents.evaluate(
-        "msprt:0.02",
-        "HybridTrack-v0",
-        episodes=10,
-        seed=3,
-        **WORLD,
-    )
+    metrics = agents.evaluate("msprt:0.02", "HybridTrack-v0", episodes=10, seed=3, **WORLD)
     out = tmp_path / "out.json"
     flags = f"--episodes 10 --seed 3 --out {out} --scheme"
 
@@ -36,23 +30,12 @@ def test_evaluate_returns_the_figures_of_the_command(tmp_path):
     (figures,) = json.loads(out.read_text())
     assert figures["reward"] == metrics["reward"].as_json()
     for decider in (MSPRTDecider(0.02), agents.load("msprt:0.02", **WORLD)):
-        again = agents.evaluate(
-            decider,
-            episodes=10,
-            seed=3,
-            **WORLD,
-        )
+        again = agents.evaluate(decider, episodes=10, seed=3, **WORLD)
         assert again["accuracy"].as_json() == figures["accuracy"]
 
 
 def test_an_agent_is_trained_and_evaluated(tmp_path):
-    agent = agents.train(
-        "ppo",
-        steps=1280,
-        changes=SMALL_PPO,
-        out=tmp_path / "run",
-        **WORLD,
-    )
+    agent = agents.train("ppo", steps=1280, changes=SMALL_PPO, out=tmp_path / "run", **WORLD)
     metrics = agents.evaluate(agent, episodes=4, **WORLD)
 
     again = agents.evaluate(str(tmp_path / "run"), episodes=4, **WORLD)
@@ -62,8 +45,7 @@ def test_an_agent_is_trained_and_evaluated(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("law", "text"),
-    [(StudentNoise(3.0), "student_t 3"), (Rounded(0.25), "Rounded 0.25")],
+    ("law", "text"), [(StudentNoise(3.0), "student_t 3"), (Rounded(0.25), "Rounded 0.25")]
 )
 def test_a_run_folder_names_the_law_of_the_noise(law, text, tmp_path):
     folder = tmp_path / "run"
@@ -74,13 +56,7 @@ def test_a_run_folder_names_the_law_of_the_noise(law, text, tmp_path):
 
 
 def test_compare_takes_names_and_functions():
-    result = agents.compare(
-        ["msprt", first],
-        episodes=4,
-        selection_episodes=4,
-        jobs=1,
-        **WORLD,
-    )
+    result = agents.compare(["msprt", first], episodes=4, selection_episodes=4, jobs=1, **WORLD)
 
     assert [entry.name for entry in result.entries] == ["MSPRT", "first"]
     assert result.picture().axes

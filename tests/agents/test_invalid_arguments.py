@@ -34,11 +34,7 @@ INVALID_ARGUMENTS = [
 
 @pytest.mark.parametrize(("line", "message"), INVALID_ARGUMENTS)
 def test_invalid_arguments_are_refused_with_one_line_and_exit_code_2(
-    line,
-    message,
-    capsys,
-    tmp_path,
-    monkeypatch,
+    line, message, capsys, tmp_path, monkeypatch
 ):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "bad.txt").write_bytes(b"\x00\x01not a table")

@@ -20,9 +20,7 @@ def test_the_notebook_runs_and_stores_no_output(monkeypatch, tmp_path):
 
     assert all(cell.outputs == [] and cell.execution_count is None for cell in cells)
     nbclient.NotebookClient(
-        notebook,
-        timeout=300,
-        resources={"metadata": {"path": tmp_path}},
+        notebook, timeout=300, resources={"metadata": {"path": tmp_path}}
     ).execute()
     printed = "".join(output.get("text", "") for cell in cells for output in cell.outputs)
     assert printed.count("correct: True") >= 3

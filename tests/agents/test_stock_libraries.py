@@ -20,12 +20,7 @@ def test_stable_baselines3_learns_with_its_defaults():
     from stable_baselines3 import PPO
 
     # The id is enough.
-    model = PPO(
-        "MlpPolicy",
-        EASY,
-        device="cpu",
-        seed=0,
-    )
+    model = PPO("MlpPolicy", EASY, device="cpu", seed=0)
     model.learn(2048)
 
     assert model.num_timesteps == 2048

@@ -35,11 +35,7 @@ def follow(seed):
     options, announced = tracker.options, tracker.track.announced
     deviation, step = np.sqrt(options.variances), options.speed * options.tau
     tracker.begin()
-    position = generator.normal(
-        0.0,
-        1e3 * deviation.max(),
-        2,
-    )
+    position = generator.normal(0.0, 1e3 * deviation.max(), 2)
     heading = generator.uniform(-np.pi, np.pi)
     turn = 0.0
     measured = False
@@ -55,17 +51,9 @@ def follow(seed):
         size = deviation.max() * 10.0 ** generator.uniform(0.0, 9.0)
         heading += turn
         position += step * np.array([np.cos(heading), np.sin(heading)])
-        position += generator.normal(
-            0.0,
-            size,
-            2,
-        ) * (kind == "jump")
+        position += generator.normal(0.0, size, 2) * (kind == "jump")
         point = position + deviation * generator.normal(size=2)
-        point += generator.normal(
-            0.0,
-            size,
-            2,
-        ) * (kind == "errors")
+        point += generator.normal(0.0, size, 2) * (kind == "errors")
         clock += options.tau
         if kind == "step":
             clock += options.tau * generator.normal() * 10.0 ** generator.uniform(0.0, 9.0)

@@ -101,15 +101,7 @@ def any_onnx():
     """Content of a sound ONNX file."""
     with tempfile.TemporaryDirectory() as folder:
         path = write_onnx(
-            Path(folder) / "policy.onnx",
-            [
-                node(
-                    "MatMul",
-                    "x w",
-                    "y",
-                )
-            ],
-            {"w": network()["w"]},
+            Path(folder) / "policy.onnx", [node("MatMul", "x w", "y")], {"w": network()["w"]}
         )
         return path.read_bytes()
 
@@ -123,14 +115,8 @@ def any_zip():
 KINDS = {
     "weights": (use_zip, changed_weights),
     "large onnx": (use_onnx, large_operators),
-    "damaged zip": (
-        lambda content: use_bytes(content, ".zip"),
-        lambda: damaged(any_zip()),
-    ),
-    "damaged onnx": (
-        lambda content: use_bytes(content, ".onnx"),
-        lambda: damaged(any_onnx()),
-    ),
+    "damaged zip": (lambda content: use_bytes(content, ".zip"), lambda: damaged(any_zip())),
+    "damaged onnx": (lambda content: use_bytes(content, ".onnx"), lambda: damaged(any_onnx())),
 }
 
 
@@ -143,8 +129,4 @@ def test_a_random_policy_is_refused_in_one_line_or_decides(kind, examples, tmp_p
     use, values = KINDS[kind]
     write_zip(tmp_path / "model.zip", actor_weights())
     find_decider(str(tmp_path / "model.zip"), OPTIONS)
-    attack(
-        examples,
-        values(),
-        use,
-    )
+    attack(examples, values(), use)

@@ -17,11 +17,7 @@ REFUSED = [
 ]
 
 
-@pytest.mark.parametrize(
-    "given",
-    REFUSED,
-    ids=str,
-)
+@pytest.mark.parametrize("given", REFUSED, ids=str)
 def test_an_argument_that_is_not_allowed_is_named(given):
     arguments = {"measurements": POSITIONS, "lengths": [10]} | given
     assert refused(track_ate, **arguments).startswith(next(iter(given)))

@@ -22,11 +22,7 @@ POINTS = np.array([[0.2, 0.0], [0.4, 0.1], [0.6, 0.1], [0.9, 0.2], [1.1, 0.4]])
 def environment(env):
     """Return an environment after its reset, and the function that steps it."""
     env.reset(seed=3)
-    tracks = getattr(
-        env,
-        "num_envs",
-        0,
-    )
+    tracks = getattr(env, "num_envs", 0)
     return env, lambda env, k: env.step(np.full(tracks, k % 2) if tracks else k % 2)[:2]
 
 
@@ -68,28 +64,14 @@ def kinematic(track_filter):
 
 
 QUICKEST = QuickestOptions()
-KALMAN = KalmanFilter(
-    MotionModel(
-        "CV",
-        axes=2,
-        noise=1.0,
-    ),
-    0.1,
-    start_deviations=[3.0],
-)
+KALMAN = KalmanFilter(MotionModel("CV", axes=2, noise=1.0), 0.1, start_deviations=[3.0])
 KINDS = {
     "environment": lambda: environment(gym.make("HybridTrack-v0").unwrapped),
     "quickest environment": lambda: environment(gym.make("HybridTrackQuickest-v0").unwrapped),
     "drawn frames": lambda: environment(
         gym.make("HybridTrackQuickest-v0", render_mode="rgb_array").unwrapped
     ),
-    "vector environment": lambda: environment(
-        gym.make_vec(
-            "HybridTrack-v0",
-            20,
-            threads=2,
-        )
-    ),
+    "vector environment": lambda: environment(gym.make_vec("HybridTrack-v0", 20, threads=2)),
     "complete info": lambda: environment(CompleteInfo(gym.make("HybridTrack-v0").unwrapped)),
     "live": lambda: live(QUICKEST),
     "recalculation": lambda: live(WorldOptions(recalculation=True)),
@@ -103,11 +85,7 @@ KINDS = {
 }
 
 
-@pytest.mark.parametrize(
-    "make",
-    KINDS.values(),
-    ids=KINDS,
-)
+@pytest.mark.parametrize("make", KINDS.values(), ids=KINDS)
 def test_a_step_of_a_copy_does_not_move_the_original(make):
     alone, step = make()
     expected = [step(alone, k) for k in range(len(POINTS))]
@@ -116,9 +94,5 @@ def test_a_step_of_a_copy_does_not_move_the_original(make):
         step(original, 0)
         for each in (copied(original), original):
             steps = [step(each, k) for k in range(1, len(POINTS))]
-            for values, right in zip(
-                steps,
-                expected[1:],
-                strict=True,
-            ):
+            for values, right in zip(steps, expected[1:], strict=True):
                 np.testing.assert_equal(values, right)

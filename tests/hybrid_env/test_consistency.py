@@ -27,11 +27,7 @@ TRUE_COVARIANCE = {"initial_error": (0.3, 0.02), "reset_covariance": False}
 SMALL_ERROR = {"initial_error": (0.3, 1e-4), "bank": "anchor_aware"}
 UNEQUAL = {"measurement_variance": (0.02, 0.3), "process_variance": 0.02}
 CASES = {
-    "oracle, fast turn, unequal noise": {
-        "scheme": "R60r5",
-        "bank": "oracle",
-        "speed": 30.0,
-    }
+    "oracle, fast turn, unequal noise": {"scheme": "R60r5", "bank": "oracle", "speed": 30.0}
     | UNEQUAL,
     "published, exact anchor, turn, unequal noise": {"scheme": "L60r5"} | EXACT_ANCHOR | UNEQUAL,
     "published, true covariance, straight, unequal noise": {"scheme": "S60"}
@@ -68,14 +64,7 @@ def inside(sum_of_squares, degrees):
 @pytest.mark.parametrize("name", CASES)
 @pytest.mark.parametrize(
     "tracks",
-    [
-        pytest.param(500, id="quick"),
-        pytest.param(
-            200_000,
-            id="study",
-            marks=pytest.mark.study,
-        ),
-    ],
+    [pytest.param(500, id="quick"), pytest.param(200_000, id="study", marks=pytest.mark.study)],
 )
 def test_the_filter_of_the_true_mode_is_consistent_where_its_model_is_exact(name, tracks):
     white, error_squared = run(tracks, 2018, **CASES[name])

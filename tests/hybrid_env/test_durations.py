@@ -21,11 +21,7 @@ def test_a_law_is_its_text_and_its_probabilities_sum_to_1(text):
     ticks = np.arange(1, 3001)
     probabilities = duration_probabilities(law, 3000)
     np.testing.assert_allclose(probabilities.sum(), 1, rtol=1e-12)
-    np.testing.assert_allclose(
-        probabilities @ ticks,
-        law.mean_duration,
-        rtol=1e-12,
-    )
+    np.testing.assert_allclose(probabilities @ ticks, law.mean_duration, rtol=1e-12)
     # The law of the remaining ticks is stationary: one tick later the same, after switches
     # included.
     remaining = remaining_probabilities(law, 3000)
@@ -73,12 +69,7 @@ def segments_of(modes, segments):
     complete = []
     for mode, number in zip(modes.T, segments.T, strict=True):
         starts = np.flatnonzero(np.diff(number)) + 1
-        complete += zip(
-            mode[starts[:-1]],
-            mode[starts[1:]],
-            np.diff(starts),
-            strict=True,
-        )
+        complete += zip(mode[starts[:-1]], mode[starts[1:]], np.diff(starts), strict=True)
     return np.array(complete)
 
 
@@ -108,11 +99,7 @@ def test_a_drawn_law_and_order_are_those_of_the_episode():
     tracks = 30
     ticks = 2000
     env = HybridTrackQuickestVectorEnv(
-        tracks,
-        ticks=ticks,
-        tick_info=True,
-        durations="drawn",
-        transitions="drawn",
+        tracks, ticks=ticks, tick_info=True, durations="drawn", transitions="drawn"
     )
     modes, segments, info = timeline(env, ticks, 1)
 
@@ -131,22 +118,14 @@ def test_a_fixed_order_and_laws_by_mode_are_followed():
     order = "0 0.9 0.1, 0.2 0 0.8, 1 0 0"
     law = "straight uniform 20-30, turns uniform 5-6 or uniform 9-9"
     env = HybridTrackQuickestVectorEnv(
-        200,
-        tick_info=True,
-        ticks=500,
-        durations=law,
-        transitions=order,
+        200, tick_info=True, ticks=500, durations=law, transitions=order
     )
     drawn = segments_of(*timeline(env, 500, 2)[:2])
     counts = np.zeros((3, 3))
     np.add.at(counts, (drawn[:, 0], drawn[:, 1]), 1)
     expected = env.options.next_mode_matrix
 
-    np.testing.assert_allclose(
-        counts / counts.sum(1, keepdims=True),
-        expected,
-        atol=0.03,
-    )
+    np.testing.assert_allclose(counts / counts.sum(1, keepdims=True), expected, atol=0.03)
     assert set(drawn[drawn[:, 0] == 0, 2]) == set(range(20, 31))
     turns = drawn[drawn[:, 0] > 0, 2]
     assert set(turns) == {5, 6, 9}

@@ -28,11 +28,7 @@ def play(env, policy, seed):
 def test_return_of_a_segment_decided_at_tick_k_is_plus_or_minus_one_minus_k_times_the_delay_cost():
     tick = 7
     env = HybridTrackEnv()
-    rewards, infos = play(
-        env,
-        lambda info: 2 if info["tick"] == tick else 0,
-        seed=4,
-    )
+    rewards, infos = play(env, lambda info: 2 if info["tick"] == tick else 0, seed=4)
     decided = [info for info in infos if "decided_mode" in info]
 
     assert len(decided) == 6
@@ -96,21 +92,9 @@ def test_info_and_observation_equal_those_of_a_separate_bank():
             bank.anchor(anchor)
             previous = info.get("decided_mode", 0)
         log_likelihood = bank.step(info["measurement"])
-        np.testing.assert_allclose(
-            info["log_likelihood"],
-            log_likelihood,
-            rtol=1e-12,
-        )
-        np.testing.assert_allclose(
-            info["estimate"],
-            bank.estimates[previous],
-            rtol=1e-12,
-        )
-        variances = np.diagonal(
-            bank.innovation_covariances,
-            axis1=1,
-            axis2=2,
-        )
+        np.testing.assert_allclose(info["log_likelihood"], log_likelihood, rtol=1e-12)
+        np.testing.assert_allclose(info["estimate"], bank.estimates[previous], rtol=1e-12)
+        variances = np.diagonal(bank.innovation_covariances, axis1=1, axis2=2)
         white = bank.innovations / np.sqrt(variances)
         shift = (info["measurement"] - anchor[[0, 2]]) / np.sqrt(np.sqrt(R.prod()))
         posterior = np.exp(log_likelihood - log_likelihood.max())
@@ -135,11 +119,7 @@ def test_info_and_observation_equal_those_of_a_separate_bank():
         }
         for name, value in expected.items():
             np.testing.assert_allclose(
-                layout.read(observation, name),
-                value,
-                rtol=2e-6,
-                atol=2e-6,
-                err_msg=name,
+                layout.read(observation, name), value, rtol=2e-6, atol=2e-6, err_msg=name
             )
         assert env.observation_space.contains(observation)
         action = 0
@@ -149,15 +129,8 @@ def test_info_and_observation_equal_those_of_a_separate_bank():
 
 
 def test_a_wrong_radius_is_correct_by_type_and_wrong_by_hypothesis():
-    for correctness, expected in (
-        ("type", True),
-        ("exact", False),
-    ):
-        env = HybridTrackEnv(
-            scheme="L50r2",
-            radii=(2.0, 5.0),
-            correctness=correctness,
-        )
+    for correctness, expected in (("type", True), ("exact", False)):
+        env = HybridTrackEnv(scheme="L50r2", radii=(2.0, 5.0), correctness=correctness)
         env.reset(seed=0)
         _, reward, terminated, _, info = env.step(3)
         assert terminated

@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 from scipy import special
 
-from hybrid_env import (
-    HybridTrackEnv,
-    HybridTrackVectorEnv,
-)
+from hybrid_env import HybridTrackEnv, HybridTrackVectorEnv
 from hybrid_env.registration import BANK_RADII
 
 TRACKS, EVIDENCE = 16, 0.9
@@ -35,11 +32,7 @@ def expected_mask(env, log_likelihood):
 def test_a_declaration_before_the_evidence_waits(options):
     limited, free = (
         HybridTrackVectorEnv(
-            TRACKS,
-            tick_info=True,
-            evidence=evidence,
-            measurement_variance=0.01,
-            **options,
+            TRACKS, tick_info=True, evidence=evidence, measurement_variance=0.01, **options
         )
         for evidence in (EVIDENCE, 0.0)
     )
@@ -69,10 +62,7 @@ def test_a_declaration_before_the_evidence_waits(options):
 @pytest.mark.parametrize("undecided", ["likeliest", "keep"])
 def test_a_masked_declaration_on_the_last_tick_is_a_forced_decision(undecided):
     env = HybridTrackEnv(
-        scheme="L4r5 S4",
-        evidence=1.0 - 1e-9,
-        undecided=undecided,
-        bank="anchor_aware",
+        scheme="L4r5 S4", evidence=1.0 - 1e-9, undecided=undecided, bank="anchor_aware"
     )
     _, info = env.reset(seed=2)
     for _ in range(4):
@@ -89,11 +79,7 @@ def test_a_masked_declaration_on_the_last_tick_is_a_forced_decision(undecided):
 @pytest.mark.parametrize(("action", "first", "last"), [(1, 0, 1), (2, 1, 11), (3, 11, 21)])
 def test_a_declared_type_stands_for_its_likeliest_hypothesis(action, first, last):
     env = HybridTrackVectorEnv(
-        50,
-        tick_info=True,
-        radii=BANK_RADII,
-        actions="types",
-        correctness="type",
+        50, tick_info=True, radii=BANK_RADII, actions="types", correctness="type"
     )
     _, info = env.reset(seed=4)
     for _ in range(7):

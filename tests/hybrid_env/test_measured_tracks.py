@@ -25,12 +25,10 @@ def test_many_tracks_give_the_rows_of_each_alone():
         for track, single in enumerate(alone):
             single.measure(points[tick, track])
         np.testing.assert_array_equal(
-            together.world.take_rows(),
-            np.vstack([single.world.take_rows() for single in alone]),
+            together.world.take_rows(), np.vstack([single.world.take_rows() for single in alone])
         )
         np.testing.assert_array_equal(
-            together.world.field("estimate"),
-            [single.estimate() for single in alone],
+            together.world.field("estimate"), [single.estimate() for single in alone]
         )
         together.world.actions[:] = stated[tick]
         for track, single in enumerate(alone):

@@ -8,12 +8,7 @@ from matrix_filters import FREEDOM, step_filters
 from own_modes import SCALES, Halt, ImmOfModes, described, every_mode, filters_of_modes
 from scipy import stats
 
-from hybrid_env import (
-    HybridTrackQuickestVectorEnv,
-    HybridTrackVectorEnv,
-    Radar,
-    Sensor,
-)
+from hybrid_env import HybridTrackQuickestVectorEnv, HybridTrackVectorEnv, Radar, Sensor
 from hybrid_env.core.memory import LANES
 from hybrid_env.modes import Stop, Straight
 
@@ -225,10 +220,7 @@ def inside(squares, freedom):
 @pytest.mark.parametrize("scale", SCALES)
 @pytest.mark.parametrize(
     "tracks",
-    [
-        pytest.param(4_000, id="quick"),
-        pytest.param(50_000, id="study", marks=pytest.mark.study),
-    ],
+    [pytest.param(4_000, id="quick"), pytest.param(50_000, id="study", marks=pytest.mark.study)],
 )
 def test_the_filter_of_the_true_mode_is_consistent_at_every_scale(scale, tracks):
     for mode, (innovations, errors) in errors_of_true_modes(tracks, scale).items():

@@ -66,8 +66,7 @@ def test_the_class_and_its_numbers_name_a_mode():
 
 
 @pytest.mark.parametrize(
-    ("kind", "name"),
-    [(Turn, "radius"), (TurnRate, "rate"), (Accelerate, "acceleration")],
+    ("kind", "name"), [(Turn, "radius"), (TurnRate, "rate"), (Accelerate, "acceleration")]
 )
 def test_numbers_of_modes_beyond_the_declared_ones_are_refused(kind, name):
     assert refuse_beyond(kind, **{name: 1.0}) > 5

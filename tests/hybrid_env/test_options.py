@@ -157,13 +157,7 @@ def test_quantities_without_units_do_not_depend_on_the_units(bank):
     for _ in range(100):
         for name in UNITLESS:
             first, second = (layout.read(rows, name) for rows in results)
-            np.testing.assert_allclose(
-                first,
-                second,
-                rtol=1e-4,
-                atol=1e-4,
-                err_msg=name,
-            )
+            np.testing.assert_allclose(first, second, rtol=1e-4, atol=1e-4, err_msg=name)
         actions = np.where(generator.random(16) < 0.05, generator.integers(1, 6, 16), 0)
         steps = [env.step(actions) for env in envs]
         results = [step[0] for step in steps]

@@ -9,12 +9,7 @@ SHORT = {"ticks": 40, "durations": "uniform 5-12"}
 
 def test_statements_change_nothing_but_rewards_and_their_own_features():
     envs = [
-        HybridTrackQuickestVectorEnv(
-            20,
-            tick_info=True,
-            measurement_variance=0.3,
-        )
-        for _ in range(2)
+        HybridTrackQuickestVectorEnv(20, tick_info=True, measurement_variance=0.3) for _ in range(2)
     ]
     layout = QuickestLayout(3)
     of_statement = np.zeros(layout.width, bool)
@@ -36,15 +31,8 @@ def test_rewards_follow_the_statement_and_its_changes():
     stated = None
     count = 0
     for k in range(40):
-        np.testing.assert_array_equal(
-            layout.read(row, "stated"),
-            np.arange(3) == stated,
-        )
-        np.testing.assert_allclose(
-            layout.read(row, "stated_ticks"),
-            count,
-            rtol=1e-6,
-        )
+        np.testing.assert_array_equal(layout.read(row, "stated"), np.arange(3) == stated)
+        np.testing.assert_allclose(layout.read(row, "stated_ticks"), count, rtol=1e-6)
         action = (
             int(generator.integers(3)) if generator.random() < 0.4 or stated is None else stated
         )
@@ -58,11 +46,7 @@ def test_rewards_follow_the_statement_and_its_changes():
 
 
 def test_a_known_start_is_a_switch_to_a_mode_that_the_bank_knows():
-    env = HybridTrackQuickestVectorEnv(
-        1000,
-        tick_info=True,
-        durations="uniform 50-100",
-    )
+    env = HybridTrackQuickestVectorEnv(1000, tick_info=True, durations="uniform 50-100")
     _, info = env.reset(seed=2)
     modes = info["true_mode"]
 

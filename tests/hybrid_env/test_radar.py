@@ -6,11 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from hybrid_env import (
-    HybridTrackVectorEnv,
-    Radar,
-    Sensor,
-)
+from hybrid_env import HybridTrackVectorEnv, Radar, Sensor
 from hybrid_env.core.polar import position_noise, to_position
 from hybrid_env.sensors import fuse
 
@@ -53,10 +49,7 @@ def inside(values, freedom, tracks):
 def test_the_filters_are_consistent_where_the_model_is_exact(name, doppler):
     radius, options = world(name, doppler)
     tracks = 500
-    for bank, mode, kind in (
-        ("published", "S40", 0),
-        ("anchor_aware", f"L40r{radius:g}", 1),
-    ):
+    for bank, mode, kind in (("published", "S40", 0), ("anchor_aware", f"L40r{radius:g}", 1)):
         env = HybridTrackVectorEnv(
             tracks,
             tick_info=True,
@@ -86,40 +79,19 @@ def test_the_covariance_is_that_of_the_true_position_given_the_measurement():
     distance = 100.0
     of_range = 3.0
     of_bearing = 0.3
-    x, y, *noise = to_position(
-        distance,
-        0.6,
-        0.8,
-        of_range,
-        of_bearing,
-    )
+    x, y, *noise = to_position(distance, 0.6, 0.8, of_range, of_bearing)
     bearing = math.atan2(0.8, 0.6) + of_bearing * generator.normal(size=10**6)
     length = distance + of_range * generator.normal(size=10**6)
     converted = np.array([length * np.cos(bearing), length * np.sin(bearing)])
 
-    np.testing.assert_allclose(
-        converted.mean(1),
-        [x, y],
-        atol=0.15,
-    )
-    np.testing.assert_allclose(
-        np.cov(converted)[np.triu_indices(2)],
-        noise,
-        rtol=0.01,
-    )
-    np.testing.assert_allclose(
-        position_noise(x, y, of_range, of_bearing),
-        noise,
-        rtol=1e-12,
-    )
+    np.testing.assert_allclose(converted.mean(1), [x, y], atol=0.15)
+    np.testing.assert_allclose(np.cov(converted)[np.triu_indices(2)], noise, rtol=0.01)
+    np.testing.assert_allclose(position_noise(x, y, of_range, of_bearing), noise, rtol=1e-12)
 
 
 def test_measurements_of_a_tick_are_fused_by_their_information():
     radar = Radar(
-        range_deviation=2.0,
-        bearing_deviation=0.02,
-        rate_deviation=0.5,
-        position=(10.0, -5.0),
+        range_deviation=2.0, bearing_deviation=0.02, rate_deviation=0.5, position=(10.0, -5.0)
     )
     sensors = [Sensor(variance=3.0), radar]
     values = {0: (60.0, 30.0), 1: (61.0, 0.7, -3.0)}

@@ -19,14 +19,7 @@ FIVE_SIGMA = 2.0 * stats.norm.sf(5.0)
 
 @pytest.mark.parametrize(
     "count",
-    [
-        pytest.param(3 * 10**5, id="quick"),
-        pytest.param(
-            10**8,
-            id="study",
-            marks=pytest.mark.study,
-        ),
-    ],
+    [pytest.param(3 * 10**5, id="quick"), pytest.param(10**8, id="study", marks=pytest.mark.study)],
 )
 def test_draws_are_standard_normal_in_histogram_and_tails(count):
     bins = 1000
@@ -34,15 +27,8 @@ def test_draws_are_standard_normal_in_histogram_and_tails(count):
     beyond = np.zeros(3)
     total = 0
     for seed in itertools.count(5, 1024):
-        sample = drawn_noise(
-            min(count // 4096 + 1, 1000),
-            1024,
-            seed,
-        ).ravel()
-        histogram += np.bincount(
-            (special.ndtr(sample) * bins).astype(int),
-            minlength=bins,
-        )
+        sample = drawn_noise(min(count // 4096 + 1, 1000), 1024, seed).ravel()
+        histogram += np.bincount((special.ndtr(sample) * bins).astype(int), minlength=bins)
         beyond += [(np.abs(sample) > limit).sum() for limit in (3.0, 4.0, 5.0)]
         total += sample.size
         if total >= count:
@@ -57,12 +43,7 @@ def test_draws_are_standard_normal_in_histogram_and_tails(count):
     ("seeds", "ticks"),
     [
         pytest.param(64, 2000, id="quick"),
-        pytest.param(
-            1024,
-            25_000,
-            id="study",
-            marks=pytest.mark.study,
-        ),
+        pytest.param(1024, 25_000, id="study", marks=pytest.mark.study),
     ],
 )
 def test_streams_of_neighbouring_seeds_and_lanes_are_uncorrelated(seeds, ticks):
@@ -86,12 +67,7 @@ def test_streams_of_neighbouring_seeds_and_lanes_are_uncorrelated(seeds, ticks):
 
 def test_the_first_draws_of_successive_seeds_are_independent():
     tracks = 20_000
-    env = HybridTrackVectorEnv(
-        tracks,
-        tick_info=True,
-        process_variance=0.0,
-        initial_error=0,
-    )
+    env = HybridTrackVectorEnv(tracks, tick_info=True, process_variance=0.0, initial_error=0)
     _, info = env.reset(seed=0)
     heading = np.arctan2(info["anchor"][:, 3], info["anchor"][:, 1])
     uniform = (heading / (2.0 * math.pi)) % 1.0
@@ -102,8 +78,5 @@ def test_the_first_draws_of_successive_seeds_are_independent():
     assert stats.chisquare(counts).pvalue > FIVE_SIGMA
     centred = (uniform - 0.5) * math.sqrt(12.0)
     mode = (info["true_mode"] - 1.0) * math.sqrt(1.5)
-    for first, second in itertools.product(
-        (centred, noise[:, 0], noise[:, 1], mode),
-        repeat=2,
-    ):
+    for first, second in itertools.product((centred, noise[:, 0], noise[:, 1], mode), repeat=2):
         assert abs((first[1:] * second[:-1]).mean()) < 5.0 / math.sqrt(tracks - 1)

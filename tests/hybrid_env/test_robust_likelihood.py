@@ -14,11 +14,7 @@ def test_the_log_likelihood_is_that_of_the_bivariate_student_t_distribution():
         z = generator.normal(0, 5, 2)
         freedom = generator.uniform(1.0, 30.0)
         white = z / np.sqrt(variances)
-        value = student_log_likelihood(
-            *white,
-            np.log(variances).mean(),
-            freedom,
-        )
+        value = student_log_likelihood(*white, np.log(variances).mean(), freedom)
         expected = stats.multivariate_t(shape=np.diag(variances), df=freedom).logpdf(z)
         assert value == pytest.approx(expected, abs=1e-12)
         weight = (freedom + 2) / (freedom + white @ white)

@@ -16,12 +16,7 @@ from hybrid_env import Sensor
     [
         pytest.param(12, 5_000, id="quick"),
         # 10^9 ticks.
-        pytest.param(
-            3300,
-            310_000,
-            id="study",
-            marks=pytest.mark.study,
-        ),
+        pytest.param(3300, 310_000, id="study", marks=pytest.mark.study),
     ],
 )
 def test_rows_rewards_and_ends_of_random_worlds(worlds, ticks):
@@ -40,11 +35,7 @@ EDGES = {
     "many segments": {"scheme": "random 1000000x1-3"},
     "one long segment": {"scheme": "S100000 L100000r5 R100000r5"},
     "many radii": {"radii": np.geomspace(0.01, 1e6, 300), "speed": 0.1},
-    "fast turn, loud": {
-        "speed": 5e3,
-        "measurement_variance": 1e6,
-        "scheme": "random 1000x1-50",
-    },
+    "fast turn, loud": {"speed": 5e3, "measurement_variance": 1e6, "scheme": "random 1000x1-50"},
     "exact": {
         "process_variance": 0.0,
         "initial_error": 0,

@@ -79,13 +79,7 @@ SINGULAR = [
     [(*case, *pair) for *case, banks in SINGULAR for pair in banks.items()],
 )
 def test_log_likelihoods_equal_those_of_square_root_filters(P, Q, R, bank, tolerance):
-    recording = simulate(
-        "L120r3",
-        runs=1,
-        seed=2,
-        process_variance=Q,
-        measurement_variance=R,
-    )
+    recording = simulate("L120r3", runs=1, seed=2, process_variance=Q, measurement_variance=R)
     anchor = np.array([0.0, 0.0, 0.0, 2.0])
     ours = KalmanBank(RADII, TAU, Q, R, bank)
     ours.anchor(anchor, P * np.eye(4))

@@ -4,21 +4,10 @@ the same episodes.
 
 import numpy as np
 
-from hybrid_env import (
-    HybridTrackVectorEnv,
-    InnovationsLayout,
-    Layout,
-    RawLayout,
-    StateLayout,
-)
+from hybrid_env import HybridTrackVectorEnv, InnovationsLayout, Layout, RawLayout, StateLayout
 from hybrid_env.registration import BANK_RADII
 
-TWINS = {
-    "bank": Layout,
-    "raw": RawLayout,
-    "state": StateLayout,
-    "innovations": InnovationsLayout,
-}
+TWINS = {"bank": Layout, "raw": RawLayout, "state": StateLayout, "innovations": InnovationsLayout}
 MEASURED = {"missed": 0.4, "measurement_variance": (0.05, 0.4)}
 
 
@@ -72,12 +61,7 @@ def test_the_layouts_read_the_true_state_and_the_measurement_relative_to_the_anc
     tracks = 9
     raw, state = (
         HybridTrackVectorEnv(
-            tracks,
-            tick_info=True,
-            observation=name,
-            scheme="L12r8 S9",
-            radii=8.0,
-            **MEASURED,
+            tracks, tick_info=True, observation=name, scheme="L12r8 S9", radii=8.0, **MEASURED
         )
         for name in ("raw", "state")
     )
@@ -91,10 +75,7 @@ def test_the_layouts_read_the_true_state_and_the_measurement_relative_to_the_anc
         places = [0, 2]
         measurement = raw.world.field("measurement")
         missing = np.isnan(measurement[:, 0])
-        along, across = in_heading_frame(
-            (measurement - anchor[:, places]) / np.sqrt(R),
-            anchor,
-        )
+        along, across = in_heading_frame((measurement - anchor[:, places]) / np.sqrt(R), anchor)
         common = {"ticks": tick, "ticks_left": 12 - tick, "log_noise": 0.0}
         of_raw = common | {
             "displacement_along": np.where(missing, 0.0, along),

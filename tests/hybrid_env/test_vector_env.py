@@ -62,23 +62,13 @@ VIEWS = {
 
 def random_actions(generator, shape, count):
     """Draw mostly waiting actions, so that episodes are long and decision times vary."""
-    return np.where(
-        generator.random(shape) < 0.93,
-        0,
-        generator.integers(0, count, shape),
-    )
+    return np.where(generator.random(shape) < 0.93, 0, generator.integers(0, count, shape))
 
 
 @pytest.mark.parametrize(("env_id", "mode", "options"), MADE)
 def test_tracks_equal_single_environments_bit_for_bit_across_autoresets(env_id, mode, options):
     tracks = LANES + 1
-    ours = gym.make_vec(
-        env_id,
-        tracks,
-        autoreset_mode=mode,
-        tick_info=True,
-        **options,
-    )
+    ours = gym.make_vec(env_id, tracks, autoreset_mode=mode, tick_info=True, **options)
     theirs = SyncVectorEnv(
         [lambda: gym.make(env_id, **options).unwrapped] * tracks, autoreset_mode=mode
     )
@@ -111,9 +101,7 @@ def compare_infos(mine, other):
         else:
             mask = other["_" + key] if not key.startswith("_") else slice(None)
             np.testing.assert_array_equal(
-                np.asarray(mine[key])[mask],
-                np.asarray(value)[mask],
-                err_msg=key,
+                np.asarray(mine[key])[mask], np.asarray(value)[mask], err_msg=key
             )
 
 
@@ -130,12 +118,7 @@ def test_without_tick_info_the_mask_and_the_decisions_are_left():
 
 
 def test_disabled_autoreset_resets_only_the_masked_tracks():
-    env = HybridTrackVectorEnv(
-        3,
-        autoreset_mode="Disabled",
-        tick_info=True,
-        scheme="S4 S4",
-    )
+    env = HybridTrackVectorEnv(3, autoreset_mode="Disabled", tick_info=True, scheme="S4 S4")
     env.reset(seed=0)
     for _ in range(8):
         env.step(np.zeros(3, int))

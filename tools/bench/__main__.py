@@ -45,10 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         help=f"all by default, in about three minutes: {', '.join(GROUPS)}",
     )
     parser.add_argument(
-        "--out",
-        type=Path,
-        default=Path("results"),
-        help="folder for bench.json and bench.md",
+        "--out", type=Path, default=Path("results"), help="folder for bench.json and bench.md"
     )
     chosen = parser.parse_args(arguments)
     if unknown := set(chosen.groups) - set(GROUPS):

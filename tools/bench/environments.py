@@ -38,8 +38,7 @@ def single_environment() -> Iterator[Measurement]:
         env = HybridTrackEnv(radii=radii)
         env.reset(seed=0)
         times = measure_in_turn(
-            partial(_step_or_reset, env, 0),
-            partial(_step_or_reset, cartpole, 1),
+            partial(_step_or_reset, env, 0), partial(_step_or_reset, cartpole, 1)
         )
         yield speed_ratio("single environment against CartPole-v1", name, *times, goal)
 
@@ -55,31 +54,19 @@ def vector_environment() -> Iterator[Measurement]:
     """
     for tracks in (8, 64):
         times = measure_in_turn(
-            waiting_step(_tracks(tracks, tick_info=True)),
-            _cartpole_step(tracks),
+            waiting_step(_tracks(tracks, tick_info=True)), _cartpole_step(tracks)
         )
         group = "vector environment against CartPole's, waiting, tick_info=True"
         yield speed_ratio(group, f"3 hypotheses, {tracks} tracks", *times)
     goals = {
-        "3 hypotheses": {
-            8: 10.0,
-            64: 4.0,
-            1024: 0.7,
-            16384: 0.33,
-        },
-        "21 hypotheses": {
-            8: 6.0,
-            64: 1.6,
-            1024: 0.25,
-            16384: 0.084,
-        },
+        "3 hypotheses": {8: 10.0, 64: 4.0, 1024: 0.7, 16384: 0.33},
+        "21 hypotheses": {8: 6.0, 64: 1.6, 1024: 0.25, 16384: 0.084},
     }
     for declaring in (False, True):
         for bank, radii in BANKS.items():
             for tracks, goal in goals[bank].items():
                 runner = Steps(
-                    _tracks(tracks, radii=radii),
-                    1.0 / DECLARE_EVERY if declaring else 0.0,
+                    _tracks(tracks, radii=radii), 1.0 / DECLARE_EVERY if declaring else 0.0
                 )
                 times = measure_in_turn(runner.step, _cartpole_step(tracks))
                 way = "1 declaration in 25, simulated ticks" if declaring else "waiting"
@@ -106,10 +93,7 @@ def gymnasium_benchmark() -> Iterator[Measurement]:
             ]
             name = f"{env_id.removeprefix('hybrid_env:')}, {tracks:,} tracks"
             yield figure(
-                "benchmark_vector_step of Gymnasium, random actions",
-                name,
-                rates,
-                "steps/s",
+                "benchmark_vector_step of Gymnasium, random actions", name, rates, "steps/s"
             )
 
 
@@ -129,10 +113,7 @@ def threads() -> Iterator[Measurement]:
     for (name, radii), goal in zip(BANKS.items(), (1.7, None), strict=True):
         one, two = (waiting_step(_tracks(16384, radii=radii, threads=count)) for count in (1, 2))
         yield speed_ratio(
-            "two threads against one, 16,384 tracks",
-            name,
-            *measure_in_turn(two, one),
-            goal,
+            "two threads against one, 16,384 tracks", name, *measure_in_turn(two, one), goal
         )
 
 

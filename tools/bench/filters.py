@@ -92,13 +92,7 @@ class FilterpyBank:
         self.filters: list[Any] = []
         for Phi, B in transitions(radii):
             one = KalmanFilter(dim_x=4, dim_z=2, dim_u=1)
-            one.x, one.F, one.H, one.Q, one.R = (
-                np.array(START),
-                Phi,
-                H,
-                GQG,
-                R * np.eye(2),
-            )
+            one.x, one.F, one.H, one.Q, one.R = (np.array(START), Phi, H, GQG, R * np.eye(2))
             one.B = B
             self.filters.append(one)
         self.log_likelihood = np.zeros(len(self.filters))

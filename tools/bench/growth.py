@@ -35,21 +35,12 @@ def growth() -> Iterator[Measurement]:
     hypotheses = (3, 21, 41, 101, 201)
     costs = _nanoseconds([(512, count // 2, "random") for count in hypotheses])
     yield _growing(
-        "exponent in hypotheses",
-        _exponents(hypotheses, costs),
-        costs,
-        hypotheses,
-        "",
-        1.1,
+        "exponent in hypotheses", _exponents(hypotheses, costs), costs, hypotheses, "", 1.1
     )
     lengths = (10, 100, 1000, 10_000)
     costs = _nanoseconds([(512, 1, f"random 6x{length}") for length in lengths])
     yield _growing(
-        "long segments against 100 ticks",
-        costs[:, -1] / costs[:, 1],
-        costs,
-        lengths,
-        " ticks",
+        "long segments against 100 ticks", costs[:, -1] / costs[:, 1], costs, lengths, " ticks"
     )
     for name, radii in BANKS.items():
         env = make_vector_env(ENV_ID, 1024, radii=radii)
@@ -112,8 +103,7 @@ def start_up() -> Iterator[Measurement]:
             environment = os.environ | {"NUMBA_CACHE_DIR": folder}
             for _ in ("empty", "filled"):
                 printed = subprocess.check_output(
-                    [sys.executable, "-c", FIRST_STEP],
-                    env=environment,
+                    [sys.executable, "-c", FIRST_STEP], env=environment
                 )
                 seconds.append(float(printed))
     cold = seconds[::2]

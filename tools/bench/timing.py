@@ -74,8 +74,7 @@ def seconds_per_call(function: Callable[[], Any]) -> float:
 
 
 def measure_in_turn(
-    ours: Callable[[], Any],
-    theirs: Callable[[], Any],
+    ours: Callable[[], Any], theirs: Callable[[], Any]
 ) -> tuple[list[float], list[float]]:
     """Seconds per call of two functions, measured A B A B after one call of each."""
     ours()
@@ -100,11 +99,7 @@ def speed_ratio(
 
 
 def _time(seconds: float) -> str:
-    for unit, scale in (
-        ("s", 1.0),
-        ("ms", 1e3),
-        ("us", 1e6),
-    ):
+    for unit, scale in (("s", 1.0), ("ms", 1e3), ("us", 1e6)):
         if seconds * scale >= 1.0:
             return f"{seconds * scale:.3g} {unit}"
     return f"{seconds * 1e9:.3g} ns"
@@ -114,11 +109,7 @@ def words(one: Measurement) -> tuple[str, str, str, str, str]:
     """Value, range, goal, whether it is met, and absolute times, as texts."""
     spread = "" if one.low == one.high else f"{one.low:.3g} to {one.high:.3g}"
     goal = "" if one.goal is None else f"{'<=' if one.at_most else '>='} {one.goal:g}"
-    met = {
-        True: "met",
-        False: "not met",
-        None: "",
-    }[one.met]
+    met = {True: "met", False: "not met", None: ""}[one.met]
     return f"{one.value:,.3g} {one.unit}".strip(), spread, goal, met, one.detail
 
 

@@ -58,11 +58,7 @@ class Limits:
 
 LIMITS = Limits()
 
-MARKS = {
-    b"\xff\xfe\0\0": "utf-32",
-    b"\xff\xfe": "utf-16",
-    b"\xfe\xff": "utf-16",
-}
+MARKS = {b"\xff\xfe\0\0": "utf-32", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
 """Encodings by the first bytes of a file."""
 
 PLT = "lat,lon,first,altitude,days,date,time"
@@ -406,10 +402,7 @@ def _cells(line: str, delimiter: str) -> list[str]:
 
 
 def _parsed(
-    lines: list[str],
-    delimiter: str,
-    width: int,
-    file: str,
+    lines: list[str], delimiter: str, width: int, file: str
 ) -> tuple[pd.DataFrame, list[int]]:
     """Return the cells of lines as texts, and the numbers of the lines with another number of
     cells, which are left out.
@@ -429,8 +422,7 @@ def _parsed(
             pyarrow.csv.ReadOptions(column_names=names, use_threads=False, block_size=4_000_000),
             pyarrow.csv.ParseOptions(delimiter=delimiter, invalid_row_handler=skip),
             pyarrow.csv.ConvertOptions(
-                column_types=dict.fromkeys(names, pa.string()),
-                strings_can_be_null=True,
+                column_types=dict.fromkeys(names, pa.string()), strings_can_be_null=True
             ),
         )
     except pa.ArrowException as error:

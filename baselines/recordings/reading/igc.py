@@ -87,10 +87,7 @@ def parse_igc(name: str, content: bytes) -> IgcLog:
     head = content[: content.index(columns[0][0])]
     angles = []
     step = 0.0
-    for k, signs, negative, word in (
-        (0, 6, b"S", b"LAD"),
-        (2, 9, b"W", b"LOD"),
-    ):
+    for k, signs, negative, word in ((0, 6, b"S", b"LAD"), (2, 9, b"W", b"LOD")):
         more, digits = _more_digits(head, word, columns[12])
         degrees = parts[k] + (parts[k + 1] + more) / 60_000.0
         angles.append(np.where(np.array(columns[signs]) == negative, -degrees, degrees))
@@ -111,14 +108,7 @@ def parse_igc(name: str, content: bytes) -> IgcLog:
     set_back = int((np.diff(times) > 0.5 * DAY).sum())
     left_out = len(places) - len(kept)
     return IgcLog(
-        times,
-        latitudes[kept],
-        longitudes[kept],
-        altitudes[kept],
-        step,
-        records,
-        left_out,
-        set_back,
+        times, latitudes[kept], longitudes[kept], altitudes[kept], step, records, left_out, set_back
     )
 
 

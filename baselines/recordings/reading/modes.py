@@ -175,11 +175,7 @@ def _read_folder(folder: Path, **options: Any) -> ModeFile:
 
 
 def _read_times(
-    table: Table,
-    roles: dict[str, int],
-    columns: list[int],
-    unit: str | None,
-    dated: bool,
+    table: Table, roles: dict[str, int], columns: list[int], unit: str | None, dated: bool
 ) -> Times:
     """Return the times of the column that has dates, or numbers, as asked for; otherwise of the
     first one that can be read.

@@ -26,12 +26,7 @@ from baselines.recordings.reading.values import (
     texts_of,
     unwrapped,
 )
-from baselines.recordings.recording import (
-    Recording,
-    dates_since,
-    iso_texts,
-    make_recording,
-)
+from baselines.recordings.recording import Recording, dates_since, iso_texts, make_recording
 from baselines.recordings.scatter import noise_deviations
 from hybrid_env.checks import ArgumentError, BoolArray, FloatArray, IntArray, reject
 from hybrid_env.sensors import Radar
@@ -188,10 +183,7 @@ def _writable(text: str) -> str:
 
 
 def read_times(
-    table: Table,
-    roles: Columns,
-    unit: str | None = None,
-    tau: float | None = None,
+    table: Table, roles: Columns, unit: str | None = None, tau: float | None = None
 ) -> Times:
     """Return the times of all rows; without a column of times the ticks, by an index or by the
     number of the row.
@@ -264,10 +256,7 @@ def _check_readable(table: Table, column: int, wrong: BoolArray, allowed: str) -
 
 
 def _read_positions(
-    table: Table,
-    roles: Columns,
-    unit: str | None,
-    thousands: str | None,
+    table: Table, roles: Columns, unit: str | None, thousands: str | None
 ) -> Places:
     """Parse the columns of the positions; a unit of None is that of the header."""
     degrees = "lat" in roles.roles

@@ -9,12 +9,7 @@ from baselines.recordings.reading.values import Times
 from baselines.recordings.recording import Recording
 
 
-def summary(
-    table: Table,
-    roles: Columns,
-    times: Times,
-    recordings: list[Recording],
-) -> str:
+def summary(table: Table, roles: Columns, times: Times, recordings: list[Recording]) -> str:
     """Return file, rows, objects, tick, unit and extent, and what was left out or assumed."""
     first, count = recordings[0], len(recordings)
     by = (

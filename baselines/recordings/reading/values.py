@@ -18,12 +18,7 @@ YEARS = 6.3e8, 4.2e9
 # Nine years from the others a clock is not set.
 FAR_CLOCK = 3e8
 # Day 0 of 1970 in calendars that count days.
-DAYS = {
-    "Excel": 25_569.0,
-    "modified Julian": 40_587.0,
-    "Matlab": 719_529.0,
-    "Julian": 2_440_587.5,
-}
+DAYS = {"Excel": 25_569.0, "modified Julian": 40_587.0, "Matlab": 719_529.0, "Julian": 2_440_587.5}
 # Year to second, and a fraction of it.
 STAMP = r"((?:19|20)\d{6})(\d{6})(\d{0,3})"
 WEEKDAY = r"(?:(?i:mon|tue|wed|thu|fri|sat|sun)[a-z]*\.?,? )"
@@ -146,10 +141,7 @@ def in_degrees(values: FloatArray, semicircles: bool) -> tuple[FloatArray, str]:
 
 
 def parse_times(
-    cells: Cells,
-    dates: Cells | None = None,
-    unit: str | None = None,
-    header: str | None = None,
+    cells: Cells, dates: Cells | None = None, unit: str | None = None, header: str | None = None
 ) -> Times:
     """Parse cells of times.
 

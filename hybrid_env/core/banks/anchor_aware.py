@@ -26,13 +26,7 @@ from hybrid_env.core.banks.linear import predict_linear
 from hybrid_env.core.banks.sensing import DIVERGED, LARGEST, correct_by_sensors
 from hybrid_env.core.compilation import formula, internal
 from hybrid_env.core.elementary import log
-from hybrid_env.core.memory import (
-    AnchorAwareBank,
-    FloatArray,
-    Records,
-    State,
-    Triangle4,
-)
+from hybrid_env.core.memory import AnchorAwareBank, FloatArray, Records, State, Triangle4
 from hybrid_env.core.motion import bank_turn_rate, heading_vector, turn_centre
 from hybrid_env.core.vectors import Vector, choose, combination, minus_square, rows_of, widened
 
@@ -190,13 +184,7 @@ def step_motion(
 
 @internal
 def step(
-    bank: Any,
-    lowest: int,
-    stop: int,
-    first: int,
-    last: int,
-    measurement: FloatArray,
-    model: Any,
+    bank: Any, lowest: int, stop: int, first: int, last: int, measurement: FloatArray, model: Any
 ) -> None:
     """Advance filters lowest .. stop - 1 of lanes first .. last - 1 by one tick; see
     `published.step`.
@@ -212,13 +200,7 @@ def step(
 
 @internal
 def sense(
-    bank: Any,
-    lane: int,
-    lowest: int,
-    stop: int,
-    block: Any,
-    sensors: Records,
-    model: Any,
+    bank: Any, lane: int, lowest: int, stop: int, block: Any, sensors: Records, model: Any
 ) -> None:
     """Advance filters lowest .. stop - 1 of a lane by one tick without a measurement, or by all
     that the sensors measure; see `sensing.correct_by_sensors`.
@@ -290,13 +272,7 @@ def sense_motion(
 
 @internal
 def sense_hypothesis(
-    kalman: Any,
-    innovation: Any,
-    first: int,
-    last: int,
-    block: Any,
-    sensors: Records,
-    model: Any,
+    kalman: Any, innovation: Any, first: int, last: int, block: Any, sensors: Records, model: Any
 ) -> None:
     """Advance the filter of straight motion or a turn by one tick of any kind."""
     sense_motion(kalman, innovation, first, last, None, block, sensors, model)
@@ -304,10 +280,7 @@ def sense_hypothesis(
 
 @internal
 def predicted_position(
-    bank: Any,
-    hypothesis: int,
-    lane: int,
-    model: Any,
+    bank: Any, hypothesis: int, lane: int, model: Any
 ) -> tuple[float, float, float, float, float]:
     """Return the predicted position x, y of one hypothesis before a tick [m], and its covariance
     xx, xy, yy [m^2].

@@ -24,12 +24,7 @@ from hybrid_env.core.motion import heading_vector
 
 @internal
 def begin_motion(
-    kalman: Any,
-    lane: int,
-    anchor: State,
-    covariance: Triangle4,
-    motion: Any,
-    model: Any,
+    kalman: Any, lane: int, anchor: State, covariance: Triangle4, motion: Any, model: Any
 ) -> None:
     """Start the filter of a mode; see `anchor_aware.begin_hypothesis`."""
     exact = model.exact_anchor > 0.0
@@ -51,12 +46,7 @@ def begin_motion(
 
 @internal
 def begin(
-    bank: DenseBank,
-    lane: int,
-    anchor: State,
-    covariance: Triangle4,
-    radii: FloatArray,
-    model: Any,
+    bank: DenseBank, lane: int, anchor: State, covariance: Triangle4, radii: FloatArray, model: Any
 ) -> None:
     """Start every filter of a lane from the anchor; arguments as in `published.begin`."""
     for h in range(bank.hypotheses.size):

@@ -13,12 +13,7 @@ import numpy as np
 
 from hybrid_env.core.banks import imm
 from hybrid_env.core.banks.anchor_aware import correct_hypothesis, sense_predicted
-from hybrid_env.core.banks.bank import (
-    covariance7,
-    covariance_of,
-    set_covariance,
-    set_state,
-)
+from hybrid_env.core.banks.bank import covariance7, covariance_of, set_covariance, set_state
 from hybrid_env.core.banks.bank import state_of as state7
 from hybrid_env.core.banks.linear import in_seven, predict_linear
 from hybrid_env.core.banks.mixture import NEGLIGIBLE, merge, normalize
@@ -138,12 +133,7 @@ def _predict(mixed: Any, first: int, last: int, motion: Any, model: Any) -> None
 
 @internal
 def _advance(
-    bank: DenseImmBank,
-    block: Any,
-    first: int,
-    last: int,
-    sensors: Records | None,
-    model: Any,
+    bank: DenseImmBank, block: Any, first: int, last: int, sensors: Records | None, model: Any
 ) -> None:
     """Advance every filter, its probability and the merged estimate of lanes first .. last - 1 by
     one tick. sensors: what has measured, if anything; None is a position of variance R.
@@ -168,12 +158,7 @@ def _advance(
 
 @internal
 def step_imm(
-    bank: DenseImmBank,
-    block: Any,
-    first: int,
-    last: int,
-    radii: FloatArray,
-    model: Any,
+    bank: DenseImmBank, block: Any, first: int, last: int, radii: FloatArray, model: Any
 ) -> None:
     """Advance lanes first .. last - 1 by one tick; see `imm.step_imm`. radii: not used."""
     _advance(bank, block, first, last, None, model)
@@ -181,12 +166,7 @@ def step_imm(
 
 @internal
 def sense_imm(
-    bank: DenseImmBank,
-    block: Any,
-    lane: int,
-    radii: FloatArray,
-    sensors: Records,
-    model: Any,
+    bank: DenseImmBank, block: Any, lane: int, radii: FloatArray, sensors: Records, model: Any
 ) -> None:
     """Advance a lane by one tick; see `imm.sense_imm`. radii: not used."""
     _advance(bank, block, np.uint64(lane), np.uint64(lane + 1), sensors, model)

@@ -14,11 +14,7 @@ from hybrid_env.core.vectors import Vector, combination, rows_of, transposed, wi
 
 @inlined
 def anchor_covariance(
-    covariance: Triangle4,
-    heading_x: float,
-    heading_y: float,
-    inverse_speed: float,
-    radius: float,
+    covariance: Triangle4, heading_x: float, heading_y: float, inverse_speed: float, radius: float
 ) -> Vector:
     """Return J P J', the covariance of the seven states at the switch, from the covariance P of the
     anchor; J is their Jacobian by the anchor. heading: unit vector; inverse_speed: 1 / speed [s/m],
@@ -76,10 +72,7 @@ def turn_coefficients(rate: float, tau: float) -> Vector:
 
 @inlined
 def predict_covariance(
-    p: Vector,
-    turn: Vector,
-    by_rate: tuple[float, float, float, float],
-    model: Any,
+    p: Vector, turn: Vector, by_rate: tuple[float, float, float, float], model: Any
 ) -> Vector:
     """Return the predicted covariance F P F' + Q of a `FilterModel`, where F is the Jacobian of the
     motion. turn: from `turn_coefficients`; by_rate: derivatives of x, vx, y and vy by the turn

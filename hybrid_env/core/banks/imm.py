@@ -188,13 +188,7 @@ def predict(mean: State, mixed: Triangle4, curvature: float, model: Any) -> tupl
 
 @internal
 def _step_hypothesis(
-    kalman: Any,
-    innovation: Any,
-    block: Any,
-    first: int,
-    last: int,
-    curvature: float,
-    model: Any,
+    kalman: Any, innovation: Any, block: Any, first: int, last: int, curvature: float, model: Any
 ) -> None:
     """Mix, predict and correct one filter of lanes first .. last - 1, without normalizing its
     probability.
@@ -246,12 +240,7 @@ def _curvature(hypothesis: int, radii: FloatArray) -> float:
 
 @internal
 def step_imm(
-    bank: ImmBank,
-    block: Any,
-    first: int,
-    last: int,
-    radii: FloatArray,
-    model: Any,
+    bank: ImmBank, block: Any, first: int, last: int, radii: FloatArray, model: Any
 ) -> None:
     """Advance every filter, its probability and the merged estimate of lanes first .. last - 1 by
     one tick. block: with `measurement`, (2, LANES), and `estimate` and `covariance` of the merged
@@ -267,12 +256,7 @@ def step_imm(
 
 @internal
 def sense_imm(
-    bank: ImmBank,
-    block: Any,
-    lane: int,
-    radii: FloatArray,
-    sensors: Records,
-    model: Any,
+    bank: ImmBank, block: Any, lane: int, radii: FloatArray, sensors: Records, model: Any
 ) -> None:
     """Advance every filter of a lane by one tick without a measurement, or by all that the sensors
     measure, see `sensing`. Without one the probabilities follow the Markov chain, and innovations

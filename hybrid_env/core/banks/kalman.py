@@ -50,10 +50,7 @@ def kalman_gain(covariance: Covariance, innovation_variance: float) -> tuple[flo
 
 @inlined
 def correct_covariance(
-    covariance: Covariance,
-    gain_x: float,
-    gain_v: float,
-    variance: float,
+    covariance: Covariance, gain_x: float, gain_v: float, variance: float
 ) -> Covariance:
     """Return the covariance P - K H P, corrected by a measurement of variance R. Golubkov 2018,
     eq. (2).
@@ -67,10 +64,7 @@ def correct_covariance(
 
 @formula
 def student_log_likelihood(
-    white_x: float,
-    white_y: float,
-    log_variance: float,
-    freedom: float,
+    white_x: float, white_y: float, log_variance: float, freedom: float
 ) -> float:
     """Return the logarithm of the bivariate Student t density of an innovation; arguments of
     `weigh`.
@@ -90,10 +84,7 @@ def student_weight(white_x: float, white_y: float, freedom: float) -> float:
 
 @formula
 def weigh(
-    white_x: float,
-    white_y: float,
-    log_variance: float,
-    freedom: float | None,
+    white_x: float, white_y: float, log_variance: float, freedom: float | None
 ) -> tuple[float, float]:
     """Return the weight of the correction by a measurement, and the log-likelihood ln N(innovation;
     0, Sigma) of the tick, whose differences between hypotheses are the ratios of Golubkov 2018, eq.

@@ -30,10 +30,7 @@ def predict_covariance(p: Triangle6, motion: Any) -> Triangle6:
 
 @formula
 def acceleration_covariance(
-    covariance: Triangle4,
-    heading_x: float,
-    heading_y: float,
-    slope: float,
+    covariance: Triangle4, heading_x: float, heading_y: float, slope: float
 ) -> Triangle6:
     """Return J P J', the covariance of [x, vx, y, vy, ax, ay] at a switch, from the covariance P of
     the anchor; J is their Jacobian by the anchor. heading: unit vector; slope: acceleration over

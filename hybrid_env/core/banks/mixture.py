@@ -8,12 +8,7 @@ from typing import Any
 from hybrid_env.core.banks.bank import estimate_of
 from hybrid_env.core.compilation import internal
 from hybrid_env.core.elementary import exp, log
-from hybrid_env.core.memory import (
-    Triangle4,
-    state_of,
-    triangle_of,
-    write_lane,
-)
+from hybrid_env.core.memory import Triangle4, state_of, triangle_of, write_lane
 from hybrid_env.core.vectors import combination, minus_square
 
 # Smaller log probabilities count as this one.
@@ -49,11 +44,7 @@ def normalize(bank: Any, first: int, last: int) -> None:
 
 @internal
 def merge(
-    bank: Any,
-    block: Any,
-    first: int,
-    last: int,
-    covariance: Callable[[Any, int], Triangle4],
+    bank: Any, block: Any, first: int, last: int, covariance: Callable[[Any, int], Triangle4]
 ) -> None:
     """Write the mean and the covariance of the mixture of all filters to the block. covariance: of
     [x, vx, y, vy] of a filter in a lane.

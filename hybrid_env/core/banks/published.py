@@ -8,21 +8,10 @@ import math
 from typing import Any
 
 from hybrid_env.core.banks.bank import radius_column, set_estimate, signed_radius
-from hybrid_env.core.banks.kalman import (
-    correct_covariance,
-    kalman_gain,
-    predict_covariance,
-    weigh,
-)
+from hybrid_env.core.banks.kalman import correct_covariance, kalman_gain, predict_covariance, weigh
 from hybrid_env.core.compilation import formula, internal
 from hybrid_env.core.elementary import log
-from hybrid_env.core.memory import (
-    FloatArray,
-    PublishedBank,
-    Records,
-    State,
-    Triangle4,
-)
+from hybrid_env.core.memory import FloatArray, PublishedBank, Records, State, Triangle4
 from hybrid_env.core.motion import (
     bank_turn_rate,
     heading_vector,
@@ -151,13 +140,7 @@ def step(
 
 @internal
 def sense(
-    bank: PublishedBank,
-    lane: int,
-    lowest: int,
-    stop: int,
-    block: Any,
-    sensors: Records,
-    model: Any,
+    bank: PublishedBank, lane: int, lowest: int, stop: int, block: Any, sensors: Records, model: Any
 ) -> None:
     """Advance filters lowest .. stop - 1 of a lane by one tick without a measurement: only the
     prediction of eq. (2). With a radar the bank is the anchor-aware one with an exact anchor,
@@ -185,10 +168,7 @@ def sense(
 
 @internal
 def predicted_position(
-    bank: PublishedBank,
-    hypothesis: int,
-    lane: int,
-    model: Any,
+    bank: PublishedBank, hypothesis: int, lane: int, model: Any
 ) -> tuple[float, float, float, float, float]:
     """Return the predicted position x, y of one hypothesis before a tick [m], and its covariance
     xx, xy, yy [m^2].

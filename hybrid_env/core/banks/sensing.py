@@ -57,11 +57,7 @@ def principal_axes(xx: float, xy: float, yy: float) -> State:
 
 @internal
 def correct_scalar(
-    state: Vector,
-    p: Vector,
-    h: State,
-    innovation: float,
-    variance: float,
+    state: Vector, p: Vector, h: State, innovation: float, variance: float
 ) -> tuple[Vector, Vector, tuple[float, float, bool]]:
     """Correct a filter by a measurement h . [x, vx, y, vy] with a variance; return it with the
     whitened innovation, the logarithm of its variance, and False if the filter has diverged.
@@ -91,12 +87,7 @@ def correct_scalar(
 
 
 @inlined
-def _rate_model(
-    state: Vector,
-    p: Vector,
-    rate: float,
-    sensor: Any,
-) -> tuple[State, float, float]:
+def _rate_model(state: Vector, p: Vector, rate: float, sensor: Any) -> tuple[State, float, float]:
     """Return the derivatives of a range rate by [x, vx, y, vy], its innovation, and its variance.
     Near the radar the bearing is uncertain: what this adds in second order adds to the variance.
     """
@@ -119,12 +110,7 @@ def _rate_model(
 
 @internal
 def correct_by_sensors(
-    state: Vector,
-    p: Vector,
-    block: Any,
-    lane: int,
-    sensors: Records,
-    model: Any,
+    state: Vector, p: Vector, block: Any, lane: int, sensors: Records, model: Any
 ) -> tuple[Vector, Vector, State, bool]:
     """Correct a predicted filter by all that is measured in a tick: a position, and range rates of
     the sensors. Returns state, covariance, (whitened innovation x and y, mean logarithm of its
@@ -133,9 +119,7 @@ def correct_by_sensors(
     """
     noise, R = block.noise, model.variance_x
     cosine, sine, first, second = principal_axes(
-        R * noise[0, lane],
-        R * noise[1, lane],
-        R * noise[2, lane],
+        R * noise[0, lane], R * noise[1, lane], R * noise[2, lane]
     )
     after = state
     q = p

@@ -13,24 +13,9 @@ PPO = announced_scores("ppo", [0.6, 0.95, 0.99, 1.0], [5, 12, 16, 30])
 IMM = unknown_scores(
     "IMM threshold", [16.0, 8.0, 4.0, 1.0], [12, 14, 16, 20], [0.7, 0.75, 0.76, 0.74]
 )
-BEAM = unknown_scores(
-    "beam",
-    [15.0, 7.0, 3.0, 0.7],
-    [11, 13, 15, 19],
-    [0.71, 0.76, 0.78, 0.75],
-)
-CUSUM = unknown_scores(
-    "CUSUM",
-    [40.0, 20.0, 6.0, 3.0],
-    [13, 15, 19, 30],
-    [0.5, 0.6, 0.7, 0.68],
-)
-UNKNOWN_RESULT = comparison(
-    UNKNOWN,
-    IMM,
-    BEAM,
-    CUSUM,
-)
+BEAM = unknown_scores("beam", [15.0, 7.0, 3.0, 0.7], [11, 13, 15, 19], [0.71, 0.76, 0.78, 0.75])
+CUSUM = unknown_scores("CUSUM", [40.0, 20.0, 6.0, 3.0], [13, 15, 19, 30], [0.5, 0.6, 0.7, 0.68])
+UNKNOWN_RESULT = comparison(UNKNOWN, IMM, BEAM, CUSUM)
 
 
 def test_training_seeds_are_one_curve():
@@ -38,12 +23,7 @@ def test_training_seeds_are_one_curve():
         announced_scores(f"ppo seed {k}", [0.6, 0.95, 0.99, 1.0], np.array([5, 12, 16, 30]) + k)
         for k in range(3)
     ]
-    result = comparison(
-        ANNOUNCED,
-        ATE,
-        *seeds,
-        agents=3,
-    )
+    result = comparison(ANNOUNCED, ATE, *seeds, agents=3)
 
     assert {key: len(group) for key, group in result.seed_groups.items()} == {ATE.name: 1, "ppo": 3}
 
@@ -63,12 +43,7 @@ def test_differences_are_to_the_best_rule_and_ratios_to_the_first():
 
 
 def test_the_error_at_the_time_of_the_reference_is_interpolated():
-    result = comparison(
-        ANNOUNCED,
-        ATE,
-        PPO,
-        agents=1,
-    )
+    result = comparison(ANNOUNCED, ATE, PPO, agents=1)
     reference, ppo = result.at_levels.values()
     # At 20 ticks.
     assert reference["equal_time_error"].value == pytest.approx(0.1)

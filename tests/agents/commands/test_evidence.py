@@ -13,12 +13,7 @@ TRACKS = 30
 
 
 def make_env():
-    return HybridTrackVectorEnv(
-        TRACKS,
-        radii=RADII,
-        correctness="type",
-        tick_info=False,
-    )
+    return HybridTrackVectorEnv(TRACKS, radii=RADII, correctness="type", tick_info=False)
 
 
 def ticks_of(env, decider, count=60):
@@ -45,10 +40,7 @@ def test_a_decider_declares_the_mode_whose_evidence_reaches_the_threshold(name):
         reached = (values >= level).any(axis=1)
         np.testing.assert_array_equal((actions > 0)[clear], reached[clear])
         chosen = actions[actions > 0] - 1
-        np.testing.assert_array_equal(
-            values[actions > 0, chosen],
-            values[actions > 0].max(axis=1),
-        )
+        np.testing.assert_array_equal(values[actions > 0, chosen], values[actions > 0].max(axis=1))
         declared += len(chosen)
 
     assert declared > 20
@@ -62,10 +54,8 @@ def test_a_policy_declares_when_its_log_odds_exceed_the_threshold():
     )
     for _, chosen, values in ticks_of(make_env(), decider):
         np.testing.assert_array_equal(
-            chosen > 0,
-            values.max(axis=1) > decider.panel().thresholds[""],
+            chosen > 0, values.max(axis=1) > decider.panel().thresholds[""]
         )
         np.testing.assert_array_equal(
-            values[chosen > 0, chosen[chosen > 0] - 1],
-            values[chosen > 0].max(axis=1),
+            values[chosen > 0, chosen[chosen > 0] - 1], values[chosen > 0].max(axis=1)
         )

@@ -39,13 +39,7 @@ def fail():
 
 def play(env=DECLARED, **arguments):
     decider = "threshold" if env == STATED else "fixed:5"
-    Play(
-        env=env,
-        seed=3,
-        deciders=(decider,),
-        **OPTIONS[env],
-        **arguments,
-    ).run()
+    Play(env=env, seed=3, deciders=(decider,), **OPTIONS[env], **arguments).run()
 
 
 def use(monkeypatch, decider):
@@ -59,20 +53,9 @@ def test_a_gif_has_one_frame_for_each_reset_and_step(tmp_path):
         assert animation.n_frames == 2 * (1 + STEPS)
 
 
-@pytest.mark.parametrize(
-    ("env_id", "tau"),
-    [
-        (DECLARED, 0.1),
-        (STATED, 0.2),
-    ],
-)
+@pytest.mark.parametrize(("env_id", "tau"), [(DECLARED, 0.1), (STATED, 0.2)])
 def test_the_recording_contains_every_measurement_with_its_time(tmp_path, env_id, tau):
-    play(
-        env=env_id,
-        out=tmp_path / "episode.png",
-        record=tmp_path / "episode.csv",
-        tau=tau,
-    )
+    play(env=env_id, out=tmp_path / "episode.png", record=tmp_path / "episode.csv", tau=tau)
     env = gym.make(env_id, tau=tau, **OPTIONS[env_id])
     _, info = env.reset(seed=3)
     measured = []
@@ -83,10 +66,7 @@ def test_the_recording_contains_every_measurement_with_its_time(tmp_path, env_id
         _, _, terminated, _, info = env.step(0)
     [recording] = read_recordings(tmp_path / "episode.csv").recordings
     np.testing.assert_array_equal(recording.positions, measured)
-    np.testing.assert_allclose(
-        recording.times,
-        tau * np.arange(1, len(measured) + 1),
-    )
+    np.testing.assert_allclose(recording.times, tau * np.arange(1, len(measured) + 1))
 
 
 def test_an_error_during_the_episode_keeps_the_old_file_and_leaves_no_other(tmp_path, monkeypatch):
@@ -104,10 +84,7 @@ def test_closing_the_window_ends_the_command(monkeypatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     import pygame
 
-    decider = Decider(
-        2,
-        lambda: pygame.event.post(pygame.event.Event(pygame.QUIT)),
-    )
+    decider = Decider(2, lambda: pygame.event.post(pygame.event.Event(pygame.QUIT)))
     use(monkeypatch, decider)
     play()
 

@@ -16,22 +16,10 @@ def write(path, tracks):
 
 @pytest.fixture
 def files(tmp_path):
-    truth = {
-        "a": "AAAABBBBCCDDD",
-        "b": "AAAABBBBBBBBB",
-        "c": "BBBAAAAAAAAAA",
-    }
+    truth = {"a": "AAAABBBBCCDDD", "b": "AAAABBBBBBBBB", "c": "BBBAAAAAAAAAA"}
     late = {name: modes[:1] + modes[:-1] for name, modes in truth.items()}
-    mine = {
-        "c": "BBBBBAAAAAAAA",
-        "a": "ACAAAABBBBDDD",
-        "b": "AAAABBBBBBBBB",
-    }
-    for name, tracks in (
-        ("truth", truth),
-        ("late", late),
-        ("mine", mine),
-    ):
+    mine = {"c": "BBBBBAAAAAAAA", "a": "ACAAAABBBBDDD", "b": "AAAABBBBBBBBB"}
+    for name, tracks in (("truth", truth), ("late", late), ("mine", mine)):
         write(tmp_path / f"{name}.csv", tracks)
     return tmp_path
 

@@ -39,20 +39,8 @@ def test_a_recorded_episode_agrees_with_the_evaluation():
 
 
 def test_a_recorded_track_agrees_with_the_evaluation():
-    metrics = measure_statements(
-        record_statements(
-            ThresholdDecider(0.6),
-            4,
-            10,
-            **STATED,
-        )
-    )
-    record = record_track(
-        "IMM threshold",
-        ThresholdDecider(0.6),
-        STATED_ENV,
-        **STATED,
-    )
+    metrics = measure_statements(record_statements(ThresholdDecider(0.6), 4, 10, **STATED))
+    record = record_track("IMM threshold", ThresholdDecider(0.6), STATED_ENV, **STATED)
 
     np.testing.assert_array_equal(record.right, record.modes == record.history.true_modes)
     assert record.right.mean() == pytest.approx(metrics.right[2])

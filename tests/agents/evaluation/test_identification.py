@@ -19,12 +19,7 @@ def test_a_wrong_radius_names_the_type_only(monkeypatch):
     decider = ThresholdDecider().changed(title="x", thresholds=(0.1, 0.2))
     recorded = [task.measured(Statements(true, statements)) for statements in (stated, late)]
     monkeypatch.setattr(type(task), "record", lambda *_: [recorded.pop(0)])
-    scores = sweep(
-        task,
-        decider,
-        1,
-        0,
-    )
+    scores = sweep(task, decider, 1, 0)
     figures = {
         word: {name: scores.curve(statistic) for name, statistic in of.items()}
         for word, of in IDENTIFICATION.items()
@@ -33,14 +28,8 @@ def test_a_wrong_radius_names_the_type_only(monkeypatch):
     np.testing.assert_allclose(figures["type"]["identified"], 1.0)
     np.testing.assert_allclose(figures["type"]["delay"], [0.0, 4.0])
     np.testing.assert_allclose(figures["mode"]["identified"], 2 / 3)
-    np.testing.assert_allclose(
-        scores.extra["named_within"][1, :, 3:5],
-        [[0.0, 1.0], [0.0, 2 / 3]],
-    )
+    np.testing.assert_allclose(scores.extra["named_within"][1, :, 3:5], [[0.0, 1.0], [0.0, 2 / 3]])
     shown = panels(task, {"x": [Result(task, scores, 1)]})
-    np.testing.assert_allclose(
-        shown[3].curves[0].y[3:5],
-        [0.0, 200 / 3],
-    )
+    np.testing.assert_allclose(shown[3].curves[0].y[3:5], [0.0, 200 / 3])
     further = [*task.estimates(scores, 1).values()][-4:]
     np.testing.assert_allclose([figure.value for figure in further], [1.0, 4.0, 2 / 3, 4.0])

@@ -37,12 +37,7 @@ def law_of(env_id=THREE, **options):
 
 
 @pytest.mark.parametrize(
-    ("env_id", "options"),
-    [
-        (THREE, WALKER),
-        (BANK, {"missed": 0.2}),
-        (QUICKEST, SHIP),
-    ],
+    ("env_id", "options"), [(THREE, WALKER), (BANK, {"missed": 0.2}), (QUICKEST, SHIP)]
 )
 def test_normal_noise_is_found_to_be_normal_at_any_scale(env_id, options):
     assert isinstance(law_of(env_id, **options), GaussianNoise)

@@ -7,11 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from agents.evaluation.registry import (
-    find_decider,
-    policy_folder,
-    shipped_names,
-)
+from agents.evaluation.registry import find_decider, policy_folder, shipped_names
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, rules
 from baselines.rules.rollout import rollout
 from hybrid_env import (
@@ -35,12 +31,7 @@ TRACKS, STEPS = 4, 60
 
 def environment(task, decider, tracks):
     options = vars(OPTIONS[task]) | dict(decider.options)
-    return KINDS[task](
-        tracks,
-        autoreset_mode="SameStep",
-        tick_info=False,
-        **options,
-    )
+    return KINDS[task](tracks, autoreset_mode="SameStep", tick_info=False, **options)
 
 
 def played(task, decider, tracks=TRACKS, seed=5):
@@ -62,12 +53,7 @@ def test_every_decider_decides_the_same_in_a_copy_and_for_each_track_alone(task,
     assert ((actions >= 0) & (actions <= largest)).all()
     np.testing.assert_array_equal(played(task, pickle.loads(pickle.dumps(decider))), actions)
     for track in (0, TRACKS - 1):
-        alone = played(
-            task,
-            decider,
-            1,
-            5 + track,
-        )
+        alone = played(task, decider, 1, 5 + track)
         np.testing.assert_array_equal(alone[:, 0], actions[:, track])
 
 

@@ -33,12 +33,7 @@ def test_the_threshold_for_the_reward_depends_on_the_delay_cost():
 @pytest.mark.parametrize(("rate", "noise"), [(0.03, "gaussian"), (0.2, "student_t 3")])
 def test_a_promised_error_rate_is_held_on_other_episodes(rate, noise):
     task = task_of(HOME, {"noise": noise})
-    scores = sweep(
-        task,
-        find_decider(f"msprt:{100 * rate:g}%", task.options),
-        300,
-        0,
-    )
+    scores = sweep(task, find_decider(f"msprt:{100 * rate:g}%", task.options), 300, 0)
     error = 1.0 - float(scores.curve(task.statistic("accuracy"))[0])
     # Episodes near the rate.
     counting = 2.0 * np.sqrt(rate / 300 / 6) + 2.0 * np.sqrt(rate / 450 / 6)

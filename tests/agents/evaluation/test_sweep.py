@@ -9,51 +9,24 @@ from baselines import FixedTimeDecider, ThresholdDecider, measure_statements, re
 from baselines.rules.rollout import evaluate
 
 ANNOUNCED = task_of("hybrid_env:HybridTrackPublished-v0", {"scheme": "random 3x20-40"})
-UNKNOWN = task_of(
-    "hybrid_env:HybridTrackQuickest-v0",
-    {"ticks": 120, "durations": "uniform 20-40"},
-)
+UNKNOWN = task_of("hybrid_env:HybridTrackQuickest-v0", {"ticks": 120, "durations": "uniform 20-40"})
 
 
 FIXED = FixedTimeDecider().changed(thresholds=(5.0, 20.0))
-CASES = [
-    (ANNOUNCED, FIXED),
-    (UNKNOWN, ThresholdDecider().changed(thresholds=(0.6, 0.9))),
-]
+CASES = [(ANNOUNCED, FIXED), (UNKNOWN, ThresholdDecider().changed(thresholds=(0.6, 0.9)))]
 
 
 def test_scores_of_announced_switches_are_those_of_recorded_decisions():
-    scores = sweep(
-        ANNOUNCED,
-        FIXED,
-        20,
-        3,
-    )
+    scores = sweep(ANNOUNCED, FIXED, 20, 3)
     for index, ticks in enumerate((5, 20)):
-        decisions = evaluate(
-            FixedTimeDecider(ticks),
-            ANNOUNCED.env_id,
-            20,
-            3,
-            **ANNOUNCED.given,
-        )
+        decisions = evaluate(FixedTimeDecider(ticks), ANNOUNCED.env_id, 20, 3, **ANNOUNCED.given)
         np.testing.assert_array_equal(scores.values[..., index], decisions.values)
 
 
 def test_scores_of_unknown_switches_are_those_of_recorded_statements():
-    scores = sweep(
-        UNKNOWN,
-        ThresholdDecider().changed(thresholds=(0.5, 0.8)),
-        20,
-        3,
-    )
+    scores = sweep(UNKNOWN, ThresholdDecider().changed(thresholds=(0.5, 0.8)), 20, 3)
     for index, threshold in enumerate((0.5, 0.8)):
-        recorded = record_statements(
-            ThresholdDecider(threshold),
-            20,
-            3,
-            **vars(UNKNOWN.options),
-        )
+        recorded = record_statements(ThresholdDecider(threshold), 20, 3, **vars(UNKNOWN.options))
         metrics = measure_statements(recorded, UNKNOWN.options.change_cost)
         for metric in UNKNOWN.metrics:
             estimate = scores.estimate(metric.statistic, index)
@@ -65,39 +38,17 @@ def test_scores_of_unknown_switches_are_those_of_recorded_statements():
 
 def test_a_beam_computes_its_thresholds_at_once_with_the_same_statements():
     beam = find_decider("beam", UNKNOWN.options)
-    at_once = sweep(
-        UNKNOWN,
-        beam,
-        4,
-        2,
-        thresholds=(0.0, 0.6),
-    )
+    at_once = sweep(UNKNOWN, beam, 4, 2, thresholds=(0.0, 0.6))
     for index, threshold in enumerate(at_once.thresholds):
-        apart = sweep(
-            UNKNOWN,
-            beam,
-            4,
-            2,
-            thresholds=(threshold,),
-        )
+        apart = sweep(UNKNOWN, beam, 4, 2, thresholds=(threshold,))
         np.testing.assert_array_equal(at_once.values[..., index], apart.values[..., 0])
 
 
 @pytest.mark.parametrize(("task", "deciders"), CASES)
 def test_batches_do_not_change_scores(task, deciders, monkeypatch):
-    whole = sweep(
-        task,
-        deciders,
-        10,
-        3,
-    )
+    whole = sweep(task, deciders, 10, 3)
     monkeypatch.setattr(type(task), "batch", lambda self: 4)
-    batched = sweep(
-        task,
-        deciders,
-        10,
-        3,
-    )
+    batched = sweep(task, deciders, 10, 3)
 
     np.testing.assert_array_equal(batched.values, whole.values)
     for name, array in whole.extra.items():

@@ -24,11 +24,7 @@ def test_the_help_folds_the_flags_of_the_environment(capsys):
         assert ("--env-help" in shown) == (asked == "--help")
 
 
-@pytest.mark.parametrize(
-    ("name", "line"),
-    LINES,
-    ids=[line for _, line in LINES],
-)
+@pytest.mark.parametrize(("name", "line"), LINES, ids=[line for _, line in LINES])
 def test_an_example_is_a_command_that_parses(name, line):
     program, *arguments = shlex.split(line, comments=True)
     assert program == "hybridtrack"

@@ -31,12 +31,7 @@ def test_yaml_that_is_no_plain_value_is_refused_in_one_line(kind, tmp_path):
     path = tmp_path / "recipe.yml"
     path.write_text(f"default: {{algo: ppo, n_steps: {text}}}")
     refused(load_recipe, str(path), ENV)
-    assert "set=" in refused(
-        load_recipe,
-        "ppo",
-        ENV,
-        [f"learning_rate={text}"],
-    )
+    assert "set=" in refused(load_recipe, "ppo", ENV, [f"learning_rate={text}"])
 
 
 def test_a_quoted_time_is_a_text_and_numbers_are_as_before():

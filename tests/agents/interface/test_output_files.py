@@ -12,10 +12,7 @@ def test_a_planted_link_is_not_followed(tmp_path, monkeypatch):
     monkeypatch.setattr("secrets.token_hex", lambda _: "0")
     link = tmp_path / f"{PART_PREFIX}0.part.csv"
     link.symlink_to(victim)
-    with (
-        pytest.raises(ArgumentError, match="File exists"),
-        atomic_file(tmp_path / "a.csv"),
-    ):
+    with pytest.raises(ArgumentError, match="File exists"), atomic_file(tmp_path / "a.csv"):
         raise AssertionError
 
     assert victim.read_text() == "untouched"

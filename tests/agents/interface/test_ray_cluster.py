@@ -39,12 +39,7 @@ def test_a_killed_node_changes_no_byte(nodes):
     cluster, second = nodes
     workers = Workers(jobs=2, engine="ray")
     study = {
-        R: functools.partial(
-            evaluate,
-            "msprt",
-            episodes=200,
-            measurement_variance=R,
-        )
+        R: functools.partial(evaluate, "msprt", episodes=200, measurement_variance=R)
         for R in (0.01, 0.1, 1.0)
     }
     expected = list(Workers(jobs=1).results(study))

@@ -15,11 +15,4 @@ def test_a_run_folder_brings_the_options_of_its_environment(tmp_path):
     (tmp_path / "policy.json").write_text(json.dumps(card))
     world = WorldArguments(ticks=60, tau=0.2).world_of(str(tmp_path))
 
-    assert world == (
-        card["environment"],
-        {
-            "durations": "geometric 9",
-            "ticks": 60,
-            "tau": 0.2,
-        },
-    )
+    assert world == (card["environment"], {"durations": "geometric 9", "ticks": 60, "tau": 0.2})

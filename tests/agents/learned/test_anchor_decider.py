@@ -155,13 +155,7 @@ def test_a_wrong_radius_costs_what_the_network_predicts_where_only_the_type_is_r
 
     def declared(options):
         decider = AnchorDecider(agent.net, options)
-        odds = Odds(
-            None,
-            None,
-            posterior,
-            posterior.argmax(1),
-            RowRatios(options, rows),
-        )
+        odds = Odds(None, None, posterior, posterior.argmax(1), RowRatios(options, rows))
         return decider.declarations(odds, np.array([True, True])).tolist()
 
     assert declared(world) == [3, 2]

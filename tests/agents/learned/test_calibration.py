@@ -36,18 +36,10 @@ def stated_and_right(decider, env, segments, ticks=(2, 5, 10, 20, 40)):
 
 
 @pytest.mark.parametrize("R", [0.01, 0.1, 1.0])
-@pytest.mark.parametrize(
-    "segments",
-    [4_000, pytest.param(100_000, marks=pytest.mark.study)],
-)
+@pytest.mark.parametrize("segments", [4_000, pytest.param(100_000, marks=pytest.mark.study)])
 def test_every_bin_of_the_stated_probability_is_within_three_points(R, segments):
     torch.set_num_threads(1)
-    env = HybridTrackVectorEnv(
-        500,
-        AutoresetMode.SAME_STEP,
-        False,
-        measurement_variance=R,
-    )
+    env = HybridTrackVectorEnv(500, AutoresetMode.SAME_STEP, False, measurement_variance=R)
     stated, right = stated_and_right(load_decider("shipped", env.options), env, segments)
     index = np.digitize(stated, BINS[1:-1])
     for k in range(len(BINS) - 1):

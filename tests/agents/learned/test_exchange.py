@@ -15,32 +15,17 @@ from hybrid_env import ArgumentError
 RELU = {"activation_fn": torch.nn.ReLU}
 MODELS = {
     "two heads": lambda: A2C(
-        "MlpPolicy",
-        ENV,
-        policy_kwargs=RELU | {"net_arch": {"pi": [8], "vf": [16, 4]}},
+        "MlpPolicy", ENV, policy_kwargs=RELU | {"net_arch": {"pi": [8], "vf": [16, 4]}}
     ),
-    "dqn": lambda: DQN(
-        "MlpPolicy",
-        ENV,
-        seed=1,
-        buffer_size=10,
-    ),
+    "dqn": lambda: DQN("MlpPolicy", ENV, seed=1, buffer_size=10),
     "qrdqn": lambda: QRDQN(
-        "MlpPolicy",
-        ENV,
-        seed=1,
-        buffer_size=10,
-        policy_kwargs={"n_quantiles": 7},
+        "MlpPolicy", ENV, seed=1, buffer_size=10, policy_kwargs={"n_quantiles": 7}
     ),
     "lstm": lambda: RecurrentPPO(
         "MlpLstmPolicy",
         ENV,
         seed=1,
-        policy_kwargs={
-            "lstm_hidden_size": 8,
-            "enable_critic_lstm": False,
-            "n_lstm_layers": 2,
-        },
+        policy_kwargs={"lstm_hidden_size": 8, "enable_critic_lstm": False, "n_lstm_layers": 2},
     ),
 }
 
@@ -56,12 +41,7 @@ def test_a_saved_model_decides_as_the_library_does(name, tmp_path):
     for seen in rows():
         starts = np.full(5, state is None)
         actions, state = decider.predict(seen, state, starts)
-        expected, theirs = model.predict(
-            seen,
-            theirs,
-            starts,
-            deterministic=True,
-        )
+        expected, theirs = model.predict(seen, theirs, starts, deterministic=True)
         np.testing.assert_array_equal(actions, expected)
 
 
@@ -77,12 +57,7 @@ class Doubled(FlattenExtractor):
 
 
 def test_layers_of_ones_own_need_trust(tmp_path, monkeypatch):
-    model = PPO(
-        "MlpPolicy",
-        ENV,
-        seed=1,
-        policy_kwargs={"features_extractor_class": Doubled},
-    )
+    model = PPO("MlpPolicy", ENV, seed=1, policy_kwargs={"features_extractor_class": Doubled})
     model.save(tmp_path / "model.zip")
     with pytest.raises(ArgumentError, match="--trust"):
         find_decider(str(tmp_path / "model.zip"), OPTIONS)
@@ -90,8 +65,7 @@ def test_layers_of_ones_own_need_trust(tmp_path, monkeypatch):
     decider = find_decider(str(tmp_path / "model.zip"), OPTIONS).at(0.0)
     for seen in rows(3):
         np.testing.assert_array_equal(
-            decider.predict(seen)[0],
-            model.predict(seen, deterministic=True)[0],
+            decider.predict(seen)[0], model.predict(seen, deterministic=True)[0]
         )
 
 
@@ -102,22 +76,10 @@ def test_an_onnx_file_of_logits_or_of_actions_decides(tmp_path):
     logits = node("MatMul", "x weight", "y")
     actions = [
         node("MatMul", "x weight", "logits"),
-        node(
-            "ArgMax",
-            "logits",
-            "y",
-            axis=1,
-            keepdims=0,
-        ),
+        node("ArgMax", "logits", "y", axis=1, keepdims=0),
     ]
     write_onnx(tmp_path / "logits.onnx", [logits], weights)
-    write_onnx(
-        tmp_path / "actions.onnx",
-        actions,
-        weights,
-        ["N"],
-        onnx.TensorProto.INT64,
-    )
+    write_onnx(tmp_path / "actions.onnx", actions, weights, ["N"], onnx.TensorProto.INT64)
     for name in ("logits", "actions"):
         decider = find_decider(str(tmp_path / f"{name}.onnx"), OPTIONS).at(0.0)
         for seen in rows(3):

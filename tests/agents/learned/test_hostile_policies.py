@@ -35,12 +35,7 @@ from agents.interface.world_arguments import TRUST
 @pytest.mark.parametrize("kind", HOSTILE_ZIPS)
 def test_a_hostile_zip_is_refused_in_one_line(kind, tmp_path):
     content, data = HOSTILE_ZIPS[kind]()
-    path = write_zip(
-        tmp_path / "model.zip",
-        content,
-        data,
-        zipfile.ZIP_DEFLATED,
-    )
+    path = write_zip(tmp_path / "model.zip", content, data, zipfile.ZIP_DEFLATED)
     find_decider(str(write_zip(tmp_path / "sound.zip", actor_weights())), OPTIONS)
 
     assert accepted(lambda: refused(find_decider, str(path), OPTIONS)).startswith(
@@ -72,18 +67,10 @@ def test_an_onnx_file_larger_than_the_bound_is_refused_before_it_is_parsed(tmp_p
 def test_weights_of_an_onnx_file_may_lie_beside_it_but_not_elsewhere(tmp_path):
     pytest.importorskip("onnxruntime")
     onnx = pytest.importorskip("onnx")
-    path = write_onnx(
-        tmp_path / "policy.onnx",
-        [node("MatMul", "x w", "y")],
-        {"w": network()["w"]},
-    )
+    path = write_onnx(tmp_path / "policy.onnx", [node("MatMul", "x w", "y")], {"w": network()["w"]})
     inside = find_decider(str(path), OPTIONS).at(0.0)
     onnx.save(
-        onnx.load(path),
-        path,
-        save_as_external_data=True,
-        location="weights.data",
-        size_threshold=0,
+        onnx.load(path), path, save_as_external_data=True, location="weights.data", size_threshold=0
     )
     outside = find_decider(str(path), OPTIONS).at(0.0)
     for seen in rows(2):
@@ -127,13 +114,7 @@ def trained():
     """A model trained on normalised observations, and the statistics."""
     torch.set_num_threads(1)
     env = VecNormalize(DummyVecEnv([lambda: gym.make(ENV)]))
-    return PPO(
-        "MlpPolicy",
-        env,
-        seed=1,
-        n_steps=16,
-        batch_size=16,
-    ).learn(32), env
+    return PPO("MlpPolicy", env, seed=1, n_steps=16, batch_size=16).learn(32), env
 
 
 def test_statistics_beside_a_trusted_model_normalise_its_rows(tmp_path, monkeypatch, trained):

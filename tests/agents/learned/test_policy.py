@@ -19,12 +19,7 @@ def random_policy(kind):
     states = kind is StatementPolicyDecider
     env = (HybridTrackQuickestVectorEnv if states else HybridTrackVectorEnv)(1)
     spaces = env.single_observation_space, env.single_action_space
-    return ActorCriticPolicy(
-        *spaces,
-        lambda _: 0.0,
-        net_arch=[8],
-        ortho_init=False,
-    )
+    return ActorCriticPolicy(*spaces, lambda _: 0.0, net_arch=[8], ortho_init=False)
 
 
 def random_decider(kind, *threshold):

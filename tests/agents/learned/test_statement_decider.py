@@ -54,12 +54,7 @@ def stated_again(decider, seen):
 
 @HABITS
 def test_one_tick_at_a_time_equals_all_at_once(habits):
-    options = QuickestOptions(
-        ticks=80,
-        radii=(2.0, 5.0),
-        durations="drawn",
-        transitions="drawn",
-    )
+    options = QuickestOptions(ticks=80, radii=(2.0, 5.0), durations="drawn", transitions="drawn")
     decider = random_decider(habits, options)
     env = HybridTrackQuickestVectorEnv(TRACKS, **vars(options))
     env.reset(seed=5)
@@ -76,12 +71,7 @@ def test_one_tick_at_a_time_equals_all_at_once(habits):
         outputs = decider.net(torch.from_numpy(inputs), torch.stack(logs))
     utility, stay = outputs.utility.numpy(), outputs.stay.numpy()
     stated = utility[0].argmax(-1)
-    recorded = record_statements(
-        decider,
-        TRACKS,
-        5,
-        **vars(options),
-    )
+    recorded = record_statements(decider, TRACKS, 5, **vars(options))
 
     np.testing.assert_array_equal(recorded.stated_modes[0], stated)
     for tick in range(1, 80):

@@ -33,14 +33,7 @@ def results(name, task):
         return np.asarray(evaluate(load_decider(name, WorldOptions()), episodes=2, seed=3).ticks)
     options = {"ticks": 25, "durations": "uniform 8-12"}
     decider = load_decider(name, QuickestOptions(**options))
-    return np.asarray(
-        record_statements(
-            decider,
-            2,
-            5,
-            **options,
-        ).stated_modes
-    )
+    return np.asarray(record_statements(decider, 2, 5, **options).stated_modes)
 
 
 @pytest.mark.parametrize("agent", AGENTS, ids=":".join)

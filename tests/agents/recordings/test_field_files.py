@@ -8,12 +8,7 @@ from agents.recordings.tracking import TrackingArguments
 from baselines import read_recordings
 
 CLEAN = {}
-ROUGH = {
-    "jitter": 0.2,
-    "repeated": 0.05,
-    "late": 0.05,
-    "missing": 0.1,
-}
+ROUGH = {"jitter": 0.2, "repeated": 0.05, "late": 0.05, "missing": 0.1}
 SEEDS = (1, 2, 3)
 # Mean share of right rows and its standard deviation from file to file, of the seeds 100 to 111.
 RIGHT = {
@@ -28,11 +23,7 @@ RIGHT = {
 
 def tracked(name, seed, losses, folder):
     """Share of right rows and the radii of each object of a file."""
-    rows = make(
-        name,
-        seed,
-        **losses,
-    )
+    rows = make(name, seed, **losses)
     file = read_recordings(write(rows, folder))
     assert not file.warnings
     found = {}
@@ -47,22 +38,10 @@ def tracked(name, seed, losses, folder):
     return found
 
 
-@pytest.mark.parametrize(
-    "rough",
-    [0, 1],
-    ids=["clean", "rough"],
-)
+@pytest.mark.parametrize("rough", [0, 1], ids=["clean", "rough"])
 @pytest.mark.parametrize("name", NAMES)
 def test_modes_and_radii_of_a_file_alone(name, rough, tmp_path):
-    found = [
-        tracked(
-            name,
-            seed,
-            (CLEAN, ROUGH)[rough],
-            tmp_path,
-        )
-        for seed in SEEDS
-    ]
+    found = [tracked(name, seed, (CLEAN, ROUGH)[rough], tmp_path) for seed in SEEDS]
     for who, target in OBJECTS[name].items():
         right, known, radii = zip(*(objects[who] for objects in found), strict=True)
         mean, deviation = RIGHT[name, who][rough]
@@ -77,11 +56,7 @@ def test_modes_and_radii_of_a_file_alone(name, rough, tmp_path):
 @pytest.mark.parametrize("name", NAMES)
 def test_rows_are_read_back(name, tmp_path):
     """Each measurement once, in the order of the times, at its time of the day."""
-    rows = make(
-        name,
-        1,
-        **ROUGH,
-    )
+    rows = make(name, 1, **ROUGH)
     file = read_recordings(write(rows, tmp_path))
     arrived = len(rows.times)
     repeated = file.left_out["repeated times"]

@@ -7,12 +7,7 @@ from field_files import NAMES, make, write
 from agents.recordings.tracking import TrackingArguments
 from baselines import OnlineTracker, read_recordings
 
-LOSSES = {
-    "jitter": 0.2,
-    "repeated": 0.05,
-    "late": 0.05,
-    "missing": 0.1,
-}
+LOSSES = {"jitter": 0.2, "repeated": 0.05, "late": 0.05, "missing": 0.1}
 
 
 def measured(recording, position):
@@ -23,18 +18,10 @@ def measured(recording, position):
     return {0: (distance, np.radians(90.0 - azimuth))}
 
 
-@pytest.mark.parametrize(
-    "losses",
-    [{}, LOSSES],
-    ids=["clean", "rough"],
-)
+@pytest.mark.parametrize("losses", [{}, LOSSES], ids=["clean", "rough"])
 @pytest.mark.parametrize("name", NAMES)
 def test_live_and_from_a_file_the_decisions_are_the_same(name, losses, tmp_path):
-    rows = make(
-        name,
-        11,
-        **losses,
-    )
+    rows = make(name, 11, **losses)
     for recording in read_recordings(write(rows, tmp_path)).recordings:
         tracked = TrackingArguments(live=True).track(recording)
         tracker = OnlineTracker.from_recording(tracked)
@@ -46,11 +33,7 @@ def test_live_and_from_a_file_the_decisions_are_the_same(name, losses, tmp_path)
         right = []
         compared = 0
         measurements = zip(
-            numbers,
-            times,
-            arrived.positions.tolist(),
-            arrived.modes.tolist(),
-            strict=True,
+            numbers, times, arrived.positions.tolist(), arrived.modes.tolist(), strict=True
         )
         for number, time, position, true_mode in measurements:
             now = tracker.update(measured(recording, position), time)

@@ -11,10 +11,7 @@ from baselines import read_recordings
 from hybrid_env import Radar
 
 RADAR = Radar(
-    range_deviation=30.0,
-    bearing_deviation=0.015,
-    rate_deviation=0.3,
-    position=(3000.0, -8700.0),
+    range_deviation=30.0, bearing_deviation=0.015, rate_deviation=0.3, position=(3000.0, -8700.0)
 )
 # A ship.
 TAU, SPEED, RADIUS = 10.0, 8.0, 500.0
@@ -53,24 +50,14 @@ def write(path, rows, names):
 
 
 def test_modes_and_radius_are_found_from_a_radar_alone(polar):
-    tracked = track_recording(
-        TIMES,
-        polar,
-        radar=RADAR,
-    )
+    tracked = track_recording(TIMES, polar, radar=RADAR)
     assert (tracked.modes == TRUE).mean() > 0.9
     assert tracked.model.radii[0] == pytest.approx(RADIUS, rel=0.05)
     settings = json.loads(json.dumps(tracked.settings(), allow_nan=False))
     assert Radar(**settings["radar"]) == RADAR
     # Range and bearing alone tell less.
     without_rate = replace(RADAR, rate_deviation=None)
-    known = track_recording(
-        TIMES,
-        polar[:, :2],
-        radar=without_rate,
-        lengths=(40,),
-        radii=(RADIUS,),
-    )
+    known = track_recording(TIMES, polar[:, :2], radar=without_rate, lengths=(40,), radii=(RADIUS,))
     assert known.pieces[:, 2].tolist() == [0, 1, 0, 2, 0]
     assert known.settings()["known_switches"]
 
@@ -78,16 +65,8 @@ def test_modes_and_radius_are_found_from_a_radar_alone(polar):
 def test_degrees_from_north_and_radians_from_the_x_axis_are_the_same(polar, tmp_path):
     degrees = np.column_stack([polar[:, 0], (90.0 - np.degrees(polar[:, 1])) % 360.0, polar[:, 2]])
     files = (
-        write(
-            tmp_path / "a.csv",
-            degrees,
-            "time,range [m],bearing,range_rate",
-        ),
-        write(
-            tmp_path / "b.csv",
-            polar,
-            "time,range [m],azimuth [rad],doppler",
-        ),
+        write(tmp_path / "a.csv", degrees, "time,range [m],bearing,range_rate"),
+        write(tmp_path / "b.csv", polar, "time,range [m],azimuth [rad],doppler"),
     )
     read = [read_recordings(path, radar=RADAR) for path in files]
     first, second = (file.recordings[0] for file in read)

@@ -17,10 +17,7 @@ from baselines.recordings.projection import Projection
 from baselines.recordings.reading.read import read_recordings
 from baselines.recordings.tracker import OnlineTracker
 
-PLACES = {
-    "walker": (47.5, 8.5),
-    "aircraft": (-17.0, 179.999),
-}
+PLACES = {"walker": (47.5, 8.5), "aircraft": (-17.0, 179.999)}
 EARTH = Geod(ellps="WGS84")
 
 
@@ -51,12 +48,7 @@ def folder(tmp_path_factory):
 def drive():
     """Times and positions of a car on a plane."""
     car = OBJECTS["car"]
-    [run] = car.simulate(
-        1,
-        3,
-        "RLSL",
-        (60, 50, 40, 70),
-    ).measurements
+    [run] = car.simulate(1, 3, "RLSL", (60, 50, 40, 70)).measurements
     return car.times(220), run
 
 
@@ -80,20 +72,13 @@ def test_results_are_joined_by_the_times_of_the_file_and_scored(folder, name):
     truth = pd.read_csv(folder / f"{name}-truth.csv")
     results, _ = written(folder, name)
     joined = given.merge(truth, on="time").merge(
-        results,
-        how="left",
-        on="time",
-        suffixes=("", "_stated"),
+        results, how="left", on="time", suffixes=("", "_stated")
     )
     measured = given["lat"].notna()
 
     assert joined.loc[measured, "mode_stated"].isin([*"SLR"]).all()
     np.testing.assert_array_equal(joined["lat_stated"], given["lat"])
-    np.testing.assert_allclose(
-        joined["lon_stated"],
-        given["lon"],
-        atol=1e-9,
-    )
+    np.testing.assert_allclose(joined["lon_stated"], given["lon"], atol=1e-9)
     assert joined["line"].tolist() == list(range(2, len(given) + 2))
     right = (joined["mode"] == joined["mode_stated"]).to_numpy()[:-1].mean()
     figures = scored(folder, f"{name}-truth.csv", f"{name}_track/estimates.csv")
@@ -107,18 +92,10 @@ def test_distances_on_the_earth_are_those_on_the_plane(folder, name):
     measured = rows["lon"], rows["lat"]
     estimated = rows["estimate_lon"], rows["estimate_lat"]
     _, _, apart = EARTH.inv(*measured, *estimated)
-    plane = np.hypot(
-        rows["x"] - rows["estimate_x"],
-        rows["y"] - rows["estimate_y"],
-    )
+    plane = np.hypot(rows["x"] - rows["estimate_x"], rows["y"] - rows["estimate_y"])
 
     # Degrees have nine decimals.
-    np.testing.assert_allclose(
-        apart,
-        plane,
-        rtol=1e-4,
-        atol=1e-3,
-    )
+    np.testing.assert_allclose(apart, plane, rtol=1e-4, atol=1e-3)
 
 
 def test_pieces_have_the_times_and_places_of_their_rows(folder):
@@ -137,33 +114,15 @@ def test_pieces_have_the_times_and_places_of_their_rows(folder):
 def test_sets_of_several_objects_are_scored(folder):
     """Of a folder, of all its files, and of single ones, with words in place of letters."""
     truth = pd.read_csv(folder / "both-truth.csv")
-    words = {
-        "S": "Straight",
-        "L": "left",
-        "R": "right",
-    }
+    words = {"S": "Straight", "L": "left", "R": "right"}
     truth["mode"] = truth["mode"].map(words)
     truth.to_csv(folder / "words.csv", index=False)
     walker, aircraft = (f"both_track/{name}/estimates.csv" for name in PLACES)
-    figures = scored(
-        folder,
-        "words.csv",
-        walker,
-        aircraft,
-    )
+    figures = scored(folder, "words.csv", walker, aircraft)
 
     assert list(figures) == ["both_track"]
-    assert figures == scored(
-        folder,
-        "words.csv",
-        "both_track",
-    )
-    single = scored(
-        folder,
-        "walker-truth.csv",
-        "walker_track/estimates.csv",
-        walker,
-    )
+    assert figures == scored(folder, "words.csv", "both_track")
+    single = scored(folder, "walker-truth.csv", "walker_track/estimates.csv", walker)
     assert list(single) == ["walker_track", "both_track/walker"]
     assert single["walker_track"]["agreement"] == single["both_track/walker"]["agreement"]
 
@@ -173,50 +132,25 @@ def test_a_truth_that_counts_seconds_is_scored_too(folder):
     truth["time"] = np.arange(len(truth))
     truth.to_csv(folder / "numbers.csv", index=False)
 
-    dated = scored(
-        folder,
-        "walker-truth.csv",
-        "walker_track",
-    )
-    assert (
-        scored(
-            folder,
-            "numbers.csv",
-            "walker_track",
-        )
-        == dated
-    )
+    dated = scored(folder, "walker-truth.csv", "walker_track")
+    assert scored(folder, "numbers.csv", "walker_track") == dated
 
 
-DATES = pd.date_range(
-    "2026-05-01T23:59:50",
-    periods=30,
-    freq="500ms",
-    tz="UTC",
-)
+DATES = pd.date_range("2026-05-01T23:59:50", periods=30, freq="500ms", tz="UTC")
 ISO = [date.isoformat(timespec="milliseconds").replace("+00:00", "Z") for date in DATES]
 
 
 @pytest.mark.parametrize(
     ("columns", "cells"),
     [
-        (
-            {"timestamp": [f"{second:.1f}" for second in DATES.as_unit("ms").asi8 / 1e3]},
-            None,
-        ),
+        ({"timestamp": [f"{second:.1f}" for second in DATES.as_unit("ms").asi8 / 1e3]}, None),
         ({"date": DATES.strftime("%d.%m.%Y"), "time": DATES.strftime("%H:%M:%S.%f")}, ISO),
         ({"time": DATES}, ISO),
         ({}, None),
     ],
 )
 def test_times_come_back_in_the_form_of_the_file(tmp_path, columns, cells):
-    table = pd.DataFrame(
-        {
-            **columns,
-            "x": np.arange(30.0),
-            "y": 0.0,
-        }
-    )
+    table = pd.DataFrame({**columns, "x": np.arange(30.0), "y": 0.0})
     path = tmp_path / "track.csv"
     dated = "date" not in columns and "time" in columns
     if dated:
@@ -292,11 +226,7 @@ def test_gpx_has_times_and_places_of_the_estimates(folder, name):
     assert read.epoch == results["time"].iloc[0].replace(".000", "")
     np.testing.assert_allclose(np.diff(read.times), 1.0)
     # The planes have different centres.
-    np.testing.assert_allclose(
-        *np.hypot(*steps.T).T,
-        rtol=1e-3,
-        atol=1e-3,
-    )
+    np.testing.assert_allclose(*np.hypot(*steps.T).T, rtol=1e-3, atol=1e-3)
     begins = [first for first, _ in read.pieces]
     assert begins == (pieces["first_row"] - pieces["first_row"][0]).tolist()
 
@@ -309,11 +239,7 @@ def test_geojson_has_a_line_for_each_piece(folder, name):
     properties = pd.DataFrame([feature["properties"] for feature in features])
     lines = [np.array(feature["geometry"]["coordinates"]) for feature in features]
 
-    pd.testing.assert_frame_equal(
-        properties,
-        pieces[properties.columns],
-        check_dtype=False,
-    )
+    pd.testing.assert_frame_equal(properties, pieces[properties.columns], check_dtype=False)
     for before, after in pairwise(lines):
         np.testing.assert_array_equal(before[-1], after[0])
     # No line goes around the world.
@@ -367,24 +293,11 @@ def test_a_projection_and_its_inverse_agree():
     longitudes = np.array([179.5, -179.6, 179.999])
     positions = projection.forward(latitudes, longitudes)
     ones = np.ones(3)
-    _, _, distances = EARTH.inv(
-        centre[1] * ones,
-        centre[0] * ones,
-        longitudes,
-        latitudes,
-    )
+    _, _, distances = EARTH.inv(centre[1] * ones, centre[0] * ones, longitudes, latitudes)
 
-    np.testing.assert_allclose(
-        np.hypot(*positions.T),
-        distances,
-        atol=1e-6,
-    )
+    np.testing.assert_allclose(np.hypot(*positions.T), distances, atol=1e-6)
     back = projection.inverse(*positions.T)
-    np.testing.assert_allclose(
-        back.T,
-        [latitudes, longitudes],
-        atol=1e-9,
-    )
+    np.testing.assert_allclose(back.T, [latitudes, longitudes], atol=1e-9)
     np.testing.assert_array_equal(projection.forward(-17.3, 179.5), positions[0])
     np.testing.assert_array_equal(projection.inverse(*positions[0]), back[0])
     assert np.isnan(projection.inverse([np.nan], [0.0])).all()

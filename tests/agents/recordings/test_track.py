@@ -21,32 +21,13 @@ LENGTHS = (60, 50, 40, 70)
 def drive(tmp_path):
     """A recording of a car, R60 L50 S40 L70."""
     path = tmp_path / "drive.csv"
-    x, y = (
-        CAR.simulate(
-            1,
-            3,
-            "RLSL",
-            LENGTHS,
-        )
-        .measurements[0]
-        .T
-    )
-    pd.DataFrame(
-        {
-            "t": CAR.times(220),
-            "x": x,
-            "y": y,
-        }
-    ).to_csv(path, index=False)
+    x, y = CAR.simulate(1, 3, "RLSL", LENGTHS).measurements[0].T
+    pd.DataFrame({"t": CAR.times(220), "x": x, "y": y}).to_csv(path, index=False)
     return path
 
 
 def test_known_lengths_give_a_row_for_each_piece(drive):
-    Track(
-        files=(drive,),
-        lengths=LENGTHS,
-        radii=(200.0,),
-    ).run()
+    Track(files=(drive,), lengths=LENGTHS, radii=(200.0,)).run()
     folder = drive.parent / "drive_track"
     pieces = pd.read_csv(folder / "modes.csv")
 
@@ -78,14 +59,7 @@ ROWS = 60
 def write(path, seed=0, **more):
     generator = np.random.default_rng(seed)
     x, y = np.cumsum(0.2 + 0.05 * generator.normal(size=(2, ROWS)), axis=1)
-    pd.DataFrame(
-        {
-            "t": 0.1 * np.arange(ROWS),
-            "x": x,
-            "y": y,
-            **more,
-        }
-    ).to_csv(path, index=False)
+    pd.DataFrame({"t": 0.1 * np.arange(ROWS), "x": x, "y": y, **more}).to_csv(path, index=False)
 
 
 def test_a_broken_recording_gets_one_line_and_changes_nothing(tmp_path, capsys):
@@ -130,11 +104,7 @@ def test_each_object_has_its_own_folder(tmp_path):
 
 def work(path, folder):
     if path.name == "b":
-        raise reject(
-            "file",
-            path.name,
-            "another one",
-        )
+        raise reject("file", path.name, "another one")
     if path.name == "c":
         raise OSError(28, "No space left on device")
     return [f"{path.name} in {folder.name}"], [], ""
@@ -143,23 +113,13 @@ def work(path, folder):
 def test_every_file_is_worked_on_whatever_happens_to_the_others(tmp_path, capsys):
     paths = [tmp_path / name for name in "abcd"]
     with pytest.raises(ArgumentError, match="2 of 4 files could not be tracked"):
-        work_on_files(
-            work,
-            paths,
-            paths,
-            jobs=1,
-        )
+        work_on_files(work, paths, paths, jobs=1)
 
     *lines, last = capsys.readouterr().out.splitlines()
     assert lines == ["a in a", "d in d"]
     assert str(tmp_path) in last
     with pytest.raises(ArgumentError, match="none of the 2 files could be tracked"):
-        work_on_files(
-            work,
-            paths[1:3],
-            paths[1:3],
-            jobs=1,
-        )
+        work_on_files(work, paths[1:3], paths[1:3], jobs=1)
     assert capsys.readouterr().out == ""
 
 

@@ -19,23 +19,12 @@ TRUE = np.repeat([2, 1, 0, 1], PIECES)
 @pytest.fixture(scope="module")
 def drive():
     """The measured positions of a car, R60 L50 S40 L70, (220, 2)."""
-    return CAR.simulate(
-        1,
-        3,
-        "RLSL",
-        PIECES,
-    ).measurements[0]
+    return CAR.simulate(1, 3, "RLSL", PIECES).measurements[0]
 
 
 def true_model(target):
     variances = target.measurement_variance, target.process_variance
-    return TrackModel(
-        (target.radius,),
-        *variances,
-        75.0,
-        target.speed,
-        target.tau,
-    )
+    return TrackModel((target.radius,), *variances, 75.0, target.speed, target.tau)
 
 
 def right_from_recording(target, measurements):
@@ -67,11 +56,7 @@ def agreement(target, decider, tracks, seed):
     """
     model = true_model(target)
     env = HybridTrackQuickestVectorEnv(
-        tracks,
-        autoreset_mode="Disabled",
-        tick_info=False,
-        start="random",
-        **model.options(),
+        tracks, autoreset_mode="Disabled", tick_info=False, start="random", **model.options()
     )
     env.reset(seed=seed)
     rule = load_decider(decider, env.options)
@@ -81,46 +66,22 @@ def agreement(target, decider, tracks, seed):
     for k in range(ticks):
         measured[k] = env.world.field("measurement")
         true[k] = env.world.field("true_mode")
-        stated[k], state = rule.predict(
-            rule.observe(env.world),
-            state,
-            first,
-            True,
-        )
+        stated[k], state = rule.predict(rule.observe(env.world), state, first, True)
         env.step(stated[k])
         first = np.zeros(tracks, np.bool_)
     right = []
     for k in range(tracks):
         points = measured[:, k] / model.scales[0]
-        tracked = track_recording(
-            target.times(ticks),
-            points,
-            decider=decider,
-            live=True,
-        )
+        tracked = track_recording(target.times(ticks), points, decider=decider, live=True)
         turns = 1 + (tracked.modes > len(tracked.model.radii))
-        right.append(
-            (
-                np.where(
-                    tracked.modes == 0,
-                    0,
-                    turns,
-                )
-                == true[:, k]
-            ).mean()
-        )
+        right.append((np.where(tracked.modes == 0, 0, turns) == true[:, k]).mean())
     return (stated == true).mean(), np.mean(right)
 
 
 def test_unknown_lengths_are_as_in_the_environment():
     # Paired, on the same measurements: the difference of a track has a standard deviation of about
     # 0.03.
-    of_env, of_recording = agreement(
-        CAR,
-        "steady",
-        4,
-        5,
-    )
+    of_env, of_recording = agreement(CAR, "steady", 4, 5)
     assert of_recording > of_env - 0.02 - 3.0 * 0.03 / np.sqrt(4)
 
 
@@ -131,12 +92,7 @@ def test_no_piece_is_shorter_than_three_rows(name):
     shortest = {}
     for decider in ("threshold", "steady", None):
         tracked = [
-            track_recording(
-                target.times(len(run)),
-                run,
-                decider=decider,
-                live=decider is not None,
-            )
+            track_recording(target.times(len(run)), run, decider=decider, live=decider is not None)
             for run in target.simulate(4, seed=3).measurements
         ]
         shortest[decider] = min(np.diff(each.pieces[:, :2]).min() for each in tracked)
@@ -147,12 +103,7 @@ def test_no_piece_is_shorter_than_three_rows(name):
 @pytest.mark.parametrize("decider", ["steady", "beam"])
 @pytest.mark.parametrize("name", OBJECTS)
 def test_agreement_of_unknown_lengths_is_within_two_percent(name, decider):
-    of_env, of_recording = agreement(
-        OBJECTS[name],
-        decider,
-        20,
-        11,
-    )
+    of_env, of_recording = agreement(OBJECTS[name], decider, 20, 11)
 
     assert of_recording > of_env - 0.02
 
@@ -181,12 +132,7 @@ def test_a_drift_of_the_positions_is_found_and_is_no_turn(drive):
 
 def test_the_example_of_the_readme_is_right():
     run = simulate("L60r3 R75r5 S50 L60r10").measurements[0]
-    tracked = track_recording(
-        None,
-        run,
-        lengths=(60, 75, 50, 60),
-        radii=(3.0, 5.0, 10.0),
-    )
+    tracked = track_recording(None, run, lengths=(60, 75, 50, 60), radii=(3.0, 5.0, 10.0))
     names = [tracked.mode_names()[mode] for mode in tracked.pieces[:, 2]]
 
     assert names == ["L 3", "R 5", "S", "L 10"]
@@ -197,41 +143,19 @@ def test_the_example_of_the_readme_is_right():
 @pytest.mark.parametrize("options", [{}, {"lengths": PIECES}])
 def test_units_change_no_decision(options, live, tolerance, drive):
     length, time = 1000.0, 60.0
-    plain = track_recording(
-        TIMES,
-        drive,
-        live=live,
-        **options,
-    )
-    other = track_recording(
-        time * TIMES,
-        length * drive,
-        live=live,
-        **options,
-    )
+    plain = track_recording(TIMES, drive, live=live, **options)
+    other = track_recording(time * TIMES, length * drive, live=live, **options)
 
     np.testing.assert_array_equal(other.pieces, plain.pieces)
-    np.testing.assert_allclose(
-        other.probabilities,
-        plain.probabilities,
-        atol=tolerance,
-    )
+    np.testing.assert_allclose(other.probabilities, plain.probabilities, atol=tolerance)
     positions = plain.estimates[:, ::2]
-    np.testing.assert_allclose(
-        other.estimates[:, ::2] / length,
-        positions,
-        atol=1e-3,
-    )
+    np.testing.assert_allclose(other.estimates[:, ::2] / length, positions, atol=1e-3)
 
 
 def test_missing_rows_are_predicted(drive):
     kept = np.random.default_rng(0).random(220) > 0.2
     kept[[0, -1]] = True
-    empty = np.where(
-        kept[:, None],
-        drive,
-        np.nan,
-    )
+    empty = np.where(kept[:, None], drive, np.nan)
     with_rows = track_recording(TIMES, empty)
     without_rows = track_recording(TIMES[kept], drive[kept])
 
@@ -239,13 +163,7 @@ def test_missing_rows_are_predicted(drive):
     assert (with_rows.modes == TRUE).mean() > 0.9
     assert np.isfinite(with_rows.estimates).all()
     # A decider with filters of its own that predict.
-    known = track_recording(
-        TIMES,
-        empty,
-        lengths=PIECES,
-        decider="shipped",
-        live=True,
-    )
+    known = track_recording(TIMES, empty, lengths=PIECES, decider="shipped", live=True)
     assert known.pieces[:, 2].tolist() == [2, 1, 0, 1]
 
 
@@ -258,24 +176,10 @@ def test_a_gap_starts_the_track_anew(drive):
     assert 100 in tracked.pieces[:, 0]
 
 
-@pytest.mark.parametrize(
-    ("rows", "options"),
-    [(2, {}), (4, {"lengths": (1,)})],
-)
+@pytest.mark.parametrize(("rows", "options"), [(2, {}), (4, {"lengths": (1,)})])
 def test_very_short_recordings_have_results(rows, options):
-    run = (
-        np.random.default_rng(1).normal(
-            0.0,
-            0.3,
-            (rows, 2),
-        )
-        + np.arange(rows)[:, None]
-    )
-    tracked = track_recording(
-        None,
-        run,
-        **options,
-    )
+    run = np.random.default_rng(1).normal(0.0, 0.3, (rows, 2)) + np.arange(rows)[:, None]
+    tracked = track_recording(None, run, **options)
 
     assert ((tracked.modes >= 0) & (tracked.modes < tracked.probabilities.shape[1])).all()
     assert np.isfinite(tracked.estimates[-1]).all()

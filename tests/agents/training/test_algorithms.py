@@ -47,13 +47,7 @@ def test_weights_name_an_algorithm_of_a_user_which_they_do_not_import(tmp_path, 
     (tmp_path / "own_algorithm.py").write_text(SOURCE)
     (tmp_path / "mine.yml").write_text(RECIPE)
     monkeypatch.syspath_prepend(tmp_path)
-    run = make_run(
-        ENV,
-        SCHEME,
-        load_recipe(str(tmp_path / "mine.yml"), ENV),
-        0,
-        tmp_path / "run",
-    )
+    run = make_run(ENV, SCHEME, load_recipe(str(tmp_path / "mine.yml"), ENV), 0, tmp_path / "run")
     run.train()
     options = WorldOptions(**SCHEME)
 

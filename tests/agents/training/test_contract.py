@@ -92,20 +92,9 @@ def test_a_run_folder_has_card_metrics_and_an_equivalent_decider(kind, whole):
     assert (card["options"], card["recipe"]["name"], card["seed"]) == (options, recipe, 3)
     world = (QuickestOptions if "Quickest" in env else WorldOptions)(**options)
     decided = [
-        record_statements(
-            decider,
-            3,
-            3,
-            **options,
-        ).stated_modes
+        record_statements(decider, 3, 3, **options).stated_modes
         if "Quickest" in env
-        else evaluate(
-            decider,
-            ENV,
-            3,
-            1,
-            **options,
-        ).ticks
+        else evaluate(decider, ENV, 3, 1, **options).ticks
         for decider in (learned_decider(folder, world), run.agent(""))
     ]
     np.testing.assert_array_equal(*decided)
@@ -149,12 +138,7 @@ def test_a_run_killed_before_its_first_checkpoint_starts_anew(whole, tmp_path):
 def test_a_second_training_in_a_folder_is_refused(tmp_path):
     pytest.importorskip("fcntl")
     folder = tmp_path / "run"
-    process = start(
-        "ppo",
-        folder,
-        STEPS,
-        save_every=0.0,
-    )
+    process = start("ppo", folder, STEPS, save_every=0.0)
     process.stdout.readline()
     # It still has the lock.
     os.kill(process.pid, signal.SIGSTOP)
@@ -197,20 +181,9 @@ def test_weights_that_diverge_are_not_saved(tmp_path):
 
 @pytest.mark.study
 def test_ppo_learns_to_wait_and_beats_immediate_declarations():
-    run = make_run(
-        ENV,
-        {},
-        load_recipe("ppo", ENV),
-        seed=1,
-        steps=300_000,
-    )
+    run = make_run(ENV, {}, load_recipe("ppo", ENV), seed=1, steps=300_000)
     run.train()
-    decisions = evaluate(
-        run.agent("").at(0.0),
-        ENV,
-        episodes=150,
-        seed=5,
-    )
+    decisions = evaluate(run.agent("").at(0.0), ENV, episodes=150, seed=5)
     # Immediate declarations earn -.35, no declarations -.50; the standard error of 900 segments is
     # about .03.
     assert decisions.reward.mean() > 0.2

@@ -11,9 +11,7 @@ from hybrid_env.checks import ArgumentError
 
 ENV = "hybrid_env:HybridTrackPublished-v0"
 SMALL = load_recipe(
-    "ppo",
-    ENV,
-    ("n_envs=16", "n_steps=32", "batch_size=256", "policy_kwargs.net_arch=[16]"),
+    "ppo", ENV, ("n_envs=16", "n_steps=32", "batch_size=256", "policy_kwargs.net_arch=[16]")
 )
 INVALID = [
     ("ppo", "batch_size", 1000),

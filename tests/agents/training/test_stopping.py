@@ -68,11 +68,7 @@ def test_training_of_the_stop_leaves_the_anchor_agent_as_it_is():
 @pytest.mark.study
 def test_the_stop_is_trained_for_a_delay_cost():
     run = make_run(
-        ENV,
-        {"delay_cost": 0.1},
-        load_recipe("stopping", ENV, ALONE),
-        seed=1,
-        steps=60_000,
+        ENV, {"delay_cost": 0.1}, load_recipe("stopping", ENV, ALONE), seed=1, steps=60_000
     )
     # Training goes on from a stop that is good already.
     for layer in run.net.stopping.modules():
@@ -81,13 +77,7 @@ def test_the_stop_is_trained_for_a_delay_cost():
     rewards = []
     for train in (lambda: None, run.train):
         train()
-        decisions = evaluate(
-            run.agent("").at(0.0),
-            ENV,
-            100,
-            5,
-            delay_cost=0.1,
-        )
+        decisions = evaluate(run.agent("").at(0.0), ENV, 100, 5, delay_cost=0.1)
         rewards.append(decisions.reward)
     gain = rewards[1] - rewards[0]
 

@@ -15,10 +15,7 @@ def test_the_stable_baselines3_view_has_the_same_rows_and_rewards():
     env = HybridTrackQuickestVectorEnv(4, autoreset_mode=AutoresetMode.SAME_STEP, **SHORT)
     view.seed(9)
 
-    np.testing.assert_array_equal(
-        view.reset(),
-        env.reset(seed=9)[0],
-    )
+    np.testing.assert_array_equal(view.reset(), env.reset(seed=9)[0])
     total = np.zeros(4)
     for k in range(45):
         actions = np.full(4, k // 4 % 3)

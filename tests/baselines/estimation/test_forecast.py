@@ -14,11 +14,7 @@ from hybrid_env.modes import Stop, Straight, modes_of_radii
 
 ESTIMATE = np.array([1.0, 2.0, -1.0, 0.5])
 COVARIANCE = np.diag([0.05, 0.01, 0.04, 0.02]) + 0.005
-MODEL = SimpleNamespace(
-    all_modes=modes_of_radii((4.0, 9.0)),
-    tau=0.1,
-    process_variance=0.002,
-)
+MODEL = SimpleNamespace(all_modes=modes_of_radii((4.0, 9.0)), tau=0.1, process_variance=0.002)
 AHEAD = [1.0, 2.0, 5.0]
 
 
@@ -26,12 +22,7 @@ def moved_positions(rng, curvature, samples):
     """Positions (samples, 3, 2) after the times of `AHEAD`, tick by tick about a fixed centre: p' =
     v, v' = -rate^2 (p - centre).
     """
-    x, vx, y, vy = draw(
-        rng,
-        ESTIMATE,
-        COVARIANCE,
-        samples,
-    ).T
+    x, vx, y, vy = draw(rng, ESTIMATE, COVARIANCE, samples).T
     p, v = x + 1j * y, vx + 1j * vy
     rate = curvature * np.abs(v)
     centre = p + 1j * v / rate if curvature else 0.0 * p
@@ -61,22 +52,9 @@ def test_a_forecast_has_the_moments_of_the_true_motion_in_all_modes(probabilitie
     curvatures = [0.0, 1 / 4, 1 / 9, -1 / 4, -1 / 9]
     counts = rng.multinomial(samples, probabilities)
     moved = np.concatenate(
-        [
-            moved_positions(rng, *each)
-            for each in zip(
-                curvatures,
-                counts,
-                strict=True,
-            )
-        ]
+        [moved_positions(rng, *each) for each in zip(curvatures, counts, strict=True)]
     )
-    means, covariances = forecast(
-        ESTIMATE,
-        COVARIANCE,
-        probabilities,
-        MODEL,
-        AHEAD,
-    )
+    means, covariances = forecast(ESTIMATE, COVARIANCE, probabilities, MODEL, AHEAD)
     for k in range(3):
         places = moved[:, k]
         error = np.sqrt(np.diag(covariances[k]) / samples)
@@ -103,16 +81,7 @@ def inside(mean, covariance, place):
 
 
 @pytest.mark.parametrize("kind", [WorldOptions, QuickestOptions])
-@pytest.mark.parametrize(
-    ("name", "mode"),
-    list(
-        zip(
-            OBJECTS,
-            "LRLSR",
-            strict=True,
-        )
-    ),
-)
+@pytest.mark.parametrize(("name", "mode"), list(zip(OBJECTS, "LRLSR", strict=True)))
 def test_ellipses_of_the_stated_mode_hold_as_much_as_they_state(name, mode, kind):
     world = OBJECTS[name]
     tracks, length, seen = 200, 60, 40
@@ -138,18 +107,9 @@ def test_ellipses_of_the_stated_mode_hold_as_much_as_they_state(name, mode, kind
     # Seconds of the readme's object, and ticks of the others.
     ticks = np.array([10, 20] if name == "readme" else [1, 2, 5])
     held = []
-    for points, truth in zip(
-        run.measurements,
-        run.truth,
-        strict=True,
-    ):
+    for points, truth in zip(run.measurements, run.truth, strict=True):
         track = TurnTracks(options)
-        begin = draw(
-            np.random.default_rng(len(held)),
-            np.array(world.start),
-            start,
-            1,
-        )[0]
+        begin = draw(np.random.default_rng(len(held)), np.array(world.start), start, 1)[0]
         track.begin(begin, start)
         for k, point in enumerate(points[: 40 + seen]):
             if k in (0, 40):
@@ -160,43 +120,17 @@ def test_ellipses_of_the_stated_mode_hold_as_much_as_they_state(name, mode, kind
                 track.decide(stated + track.announced)
         means, covariances = track.forecast(ticks * world.tau, stated=True)
         places = truth[40 + seen - 1 + ticks, ::2]
-        held.append(
-            [
-                inside(*each)
-                for each in zip(
-                    means,
-                    covariances,
-                    places,
-                    strict=True,
-                )
-            ]
-        )
-    low, high = mean_bounds(
-        0.95,
-        0.95 * 0.05,
-        tracks,
-    )
+        held.append([inside(*each) for each in zip(means, covariances, places, strict=True)])
+    low, high = mean_bounds(0.95, 0.95 * 0.05, tracks)
     for share in np.mean(held, axis=0):
         assert low < share < high
 
 
 def test_the_doubt_about_the_mode_is_in_the_ellipse():
     world = OBJECTS["car"]
-    track = TurnTracks(
-        QuickestOptions(
-            radii=(200,),
-            speed=20,
-            tau=1,
-            measurement_variance=4,
-        )
-    )
+    track = TurnTracks(QuickestOptions(radii=(200,), speed=20, tau=1, measurement_variance=4))
     track.begin(np.array(world.start), np.diag([4.0, 0.1, 4.0, 0.1]))
-    for point in world.simulate(
-        1,
-        3,
-        "S",
-        (20,),
-    ).measurements[0]:
+    for point in world.simulate(1, 3, "S", (20,)).measurements[0]:
         track.measure(point)
         track.decide(0)
     mixed, stated = (track.forecast([5.0], stated)[1][0] for stated in (False, True))

@@ -50,38 +50,19 @@ def random_covariance(deviations):
 
 @pytest.mark.parametrize("rate", [0.0, 1e-9, 1e-5, -0.3, 0.7, 5.0])
 def test_the_motion_solves_its_differential_equation(rate):
-    np.testing.assert_allclose(
-        turn_matrix(rate, 1.5),
-        exact_matrix(rate, 1.5),
-        atol=1e-12,
-    )
+    np.testing.assert_allclose(turn_matrix(rate, 1.5), exact_matrix(rate, 1.5), atol=1e-12)
 
 
 @pytest.mark.parametrize(("word", "radius"), [("L", 6.0), ("R", -6.0)])
 def test_an_object_without_noise_moves_like_the_filter(word, radius):
     truth = simulate(f"{word}25r6", process_variance=0.0, start=(1.0, 2.0, 0.0, 1.5)).truth[0]
     state, covariance = begin_turn(
-        np.array([1.0, 2.0, 0.0, 1.5]),
-        np.zeros((4, 4)),
-        1 / radius,
-        0.0,
+        np.array([1.0, 2.0, 0.0, 1.5]), np.zeros((4, 4)), 1 / radius, 0.0
     )
     for k in range(25):
-        moved, predicted = predict_turn(
-            state,
-            covariance,
-            0.1 * (k + 1),
-        )
-        np.testing.assert_allclose(
-            moved[[0, 2, 1, 3]],
-            truth[k],
-            atol=1e-10,
-        )
-    np.testing.assert_allclose(
-        predicted,
-        0.0,
-        atol=1e-30,
-    )
+        moved, predicted = predict_turn(state, covariance, 0.1 * (k + 1))
+        np.testing.assert_allclose(moved[[0, 2, 1, 3]], truth[k], atol=1e-10)
+    np.testing.assert_allclose(predicted, 0.0, atol=1e-30)
 
 
 def test_a_known_turn_rate_gives_the_kalman_filter():
@@ -89,11 +70,7 @@ def test_a_known_turn_rate_gives_the_kalman_filter():
     mine = TurnFilter(0.1, 0.01)
     covariance = random_covariance(np.full(7, 0.5))
     covariance[6] = covariance[:, 6] = 0.0
-    mine.begin(
-        0,
-        STATE,
-        covariance,
-    )
+    mine.begin(0, STATE, covariance)
     theirs = KalmanFilter(6, 2)
     theirs.x, theirs.P = STATE[:6].copy(), covariance[:6, :6].copy()
     theirs.F, theirs.H = exact_matrix(STATE[6], 0.1), np.eye(2, 6)
@@ -104,36 +81,15 @@ def test_a_known_turn_rate_gives_the_kalman_filter():
         mine.step((np.nan, np.nan) if point is None else point, (0.2, 0.05, 0.1))
         theirs.predict()
         theirs.update(point)
-        np.testing.assert_allclose(
-            mine.states[0, :6],
-            theirs.x,
-            rtol=1e-9,
-        )
-        np.testing.assert_allclose(
-            mine.covariances[0, :6, :6],
-            theirs.P,
-            rtol=1e-7,
-            atol=1e-12,
-        )
+        np.testing.assert_allclose(mine.states[0, :6], theirs.x, rtol=1e-9)
+        np.testing.assert_allclose(mine.covariances[0, :6, :6], theirs.P, rtol=1e-7, atol=1e-12)
 
 
 def test_the_predicted_moments_are_those_of_moved_states():
     covariance = random_covariance([0.3, 0.3, 0.3, 0.3, 0.3, 0.3, 0.15])
     samples = 400_000
-    moved = turned_states(
-        draw(
-            np.random.default_rng(4),
-            STATE,
-            covariance,
-            samples,
-        ),
-        2.0,
-    )
-    mean, predicted = predict_turn(
-        STATE,
-        covariance,
-        2.0,
-    )
+    moved = turned_states(draw(np.random.default_rng(4), STATE, covariance, samples), 2.0)
+    mean, predicted = predict_turn(STATE, covariance, 2.0)
 
     deviations = np.sqrt(np.diag(predicted))
     assert (np.abs(moved.mean(0) - mean) < 5 * deviations / np.sqrt(samples)).all()
@@ -148,12 +104,7 @@ def test_the_predicted_moments_are_those_of_moved_states():
 def test_deviations_of_speed_and_radius_are_those_of_their_states():
     covariance = random_covariance([1.0, 1.0, 0.03, 0.03, 1.0, 1.0, 0.005])
     samples = 100_000
-    states = draw(
-        np.random.default_rng(5),
-        STATE,
-        covariance,
-        samples,
-    )
+    states = draw(np.random.default_rng(5), STATE, covariance, samples)
     turn = Turn(*turn_of(STATE, covariance))
     speeds = np.hypot(*states[:, 2:4].T)
     for values, value, deviation in (
@@ -180,35 +131,13 @@ def normalised_errors(name, ratio, spread, tracks=400, ticks=60, seed=6):
     world = OBJECTS[name]
     R = world.measurement_variance
     rng = np.random.default_rng(seed)
-    run = world.simulate(
-        tracks,
-        seed,
-        "S" + "L",
-        (20, ticks),
-    )
+    run = world.simulate(tracks, seed, "S" + "L", (20, ticks))
     covariance = np.diag([R, R / (10 * world.tau) ** 2] * 2)
-    begins = run.truth[:, 19] + draw(
-        rng,
-        0.0,
-        covariance,
-        tracks,
-    )
-    filters = TurnFilter(
-        world.tau,
-        world.process_variance,
-        tracks,
-    )
+    begins = run.truth[:, 19] + draw(rng, 0.0, covariance, tracks)
+    filters = TurnFilter(world.tau, world.process_variance, tracks)
     assumed = 1 / (world.radius / ratio)
     for k, begin in enumerate(begins):
-        filters.begin(
-            k,
-            *begin_turn(
-                begin,
-                covariance,
-                assumed,
-                spread * assumed,
-            ),
-        )
+        filters.begin(k, *begin_turn(begin, covariance, assumed, spread * assumed))
     rates = np.hypot(*run.truth[:, 19, 1::2].T) / world.radius
     rows = []
     for k in range(20, 20 + ticks):
@@ -223,20 +152,8 @@ def normalised_errors(name, ratio, spread, tracks=400, ticks=60, seed=6):
 @pytest.mark.parametrize("ratio", [0.7, 1.0, 1.4])
 @pytest.mark.parametrize("name", OBJECTS)
 def test_errors_have_the_stated_deviations_once_the_radius_is_known_to_a_tenth(name, ratio):
-    speed, radius, relative = np.moveaxis(
-        normalised_errors(
-            name,
-            ratio,
-            0.5,
-        ),
-        1,
-        0,
-    )
-    low, high = mean_bounds(
-        1.0,
-        2.0,
-        speed.shape[1],
-    )
+    speed, radius, relative = np.moveaxis(normalised_errors(name, ratio, 0.5), 1, 0)
+    low, high = mean_bounds(1.0, 2.0, speed.shape[1])
     known = np.flatnonzero(np.median(relative, axis=1) < 0.1)
     assert known.size
     for tick in known:
@@ -249,15 +166,7 @@ def test_errors_have_the_stated_deviations_once_the_radius_is_known_to_a_tenth(n
 
 
 def test_a_radius_that_counts_as_known_has_errors_far_beyond_its_deviation():
-    _, radius, _ = np.moveaxis(
-        normalised_errors(
-            "car",
-            1.4,
-            0.0,
-        ),
-        1,
-        0,
-    )
+    _, radius, _ = np.moveaxis(normalised_errors("car", 1.4, 0.0), 1, 0)
     assert (np.mean(radius[5:20] ** 2, axis=1) > 100).all()
 
 
@@ -312,22 +221,13 @@ def test_after_decisions_a_radius_other_than_that_of_the_bank_is_found():
             # The speed of the object changes by some percent in a segment.
             assert turn.radius == pytest.approx(250, rel=0.1)
             assert turn.radius_deviation < 5
-    low, high = mean_bounds(
-        1.0,
-        2.0,
-        len(errors),
-    )
+    low, high = mean_bounds(1.0, 2.0, len(errors))
     assert low < np.mean(np.square(errors)) < high
 
 
 def test_a_stated_turn_has_a_radius_with_unknown_switches():
     world = OBJECTS["car"]
-    run = world.simulate(
-        1,
-        7,
-        "SL",
-        (40, 40),
-    )
+    run = world.simulate(1, 7, "SL", (40, 40))
     track = TurnTracks(car(QuickestOptions))
     track.begin(np.array(world.start), np.diag([4.0, 0.1, 4.0, 0.1]))
     for k, point in enumerate(run.measurements[0]):

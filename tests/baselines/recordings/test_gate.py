@@ -10,12 +10,7 @@ from hybrid_env import HybridTrackQuickestVectorEnv, QuickestOptions
 
 SCALES = {
     "default": {},
-    "ship": {
-        "speed": 8.0,
-        "tau": 10.0,
-        "radii": (500.0,),
-        "measurement_variance": 400.0,
-    },
+    "ship": {"speed": 8.0, "tau": 10.0, "radii": (500.0,), "measurement_variance": 400.0},
     "aircraft": {
         "speed": 230.0,
         "tau": 4.0,
@@ -40,11 +35,7 @@ def measured(options):
 
 @pytest.mark.parametrize(
     ("scale", "count", "size"),
-    [
-        ("default", 1, 30.0),
-        ("ship", 10, 2e7),
-        ("aircraft", 140, 30.0),
-    ],
+    [("default", 1, 30.0), ("ship", 10, 2e7), ("aircraft", 140, 30.0)],
     ids=["one", "ten", "jump"],
 )
 def test_a_track_is_found_again_within_50_ticks(scale, count, size):
@@ -69,11 +60,7 @@ def test_a_track_is_found_again_within_50_ticks(scale, count, size):
     again = end + OnlineTracker.patience + 1
     assert all(now.status == "used" for now in with_errors[:DISTURBED] + with_errors[again:])
     assert all(now.status == "used" for now in expected)
-    pairs = zip(
-        with_errors,
-        expected,
-        strict=True,
-    )
+    pairs = zip(with_errors, expected, strict=True)
     moved = np.array([estimate.estimate[::2] - other.estimate[::2] for estimate, other in pairs])
     if count == 140:
         moved -= errors

@@ -24,14 +24,7 @@ def matrix_likelihood(z, R, Q):
     axis = [[R, R / apart], [R / apart, 2 * R / apart**2 + apart * Q]]
     start = [z[second, 0], vx, z[second, 1], vy]
     P = np.kron(np.eye(2), axis)
-    kalman = MatrixKalmanFilter(
-        start,
-        P,
-        0.0,
-        1.0,
-        Q,
-        R * np.eye(2),
-    )
+    kalman = MatrixKalmanFilter(start, P, 0.0, 1.0, Q, R * np.eye(2))
     after = []
     for point in z[second + 1 :]:
         kalman.step(None if np.isnan(point[0]) else point)
@@ -43,17 +36,7 @@ def matrix_likelihood(z, R, Q):
 @pytest.mark.parametrize("modes", [(), (Straight(),)])
 def test_straight_motion_has_the_likelihood_of_a_matrix_filter(modes):
     rng = np.random.default_rng(0)
-    parts = [
-        np.cumsum(
-            rng.normal(
-                1.0,
-                0.3,
-                (length, 2),
-            ),
-            axis=0,
-        )
-        for length in (40, 40, 25)
-    ]
+    parts = [np.cumsum(rng.normal(1.0, 0.3, (length, 2)), axis=0) for length in (40, 40, 25)]
     for part in parts:
         part[rng.random(len(part)) < 0.3] = np.nan
     pieces = tuple(
@@ -67,27 +50,10 @@ def test_straight_motion_has_the_likelihood_of_a_matrix_filter(modes):
         )
         for part in parts
     )
-    chunks, _ = grid_chunks(
-        TickGrid(
-            1.0,
-            pieces,
-            0,
-            0.0,
-        ),
-        1.0,
-        (),
-        256,
-    )
+    chunks, _ = grid_chunks(TickGrid(1.0, pieces, 0, 0.0), 1.0, (), 256)
     model = TrackModel((), 0.5, 0.01, math.inf, 1.0, 1.0, modes=modes)
     total = run_pass(chunks, model).log_likelihood
-    expected = sum(
-        matrix_likelihood(
-            part,
-            0.5,
-            0.01,
-        )
-        for part in parts
-    )
+    expected = sum(matrix_likelihood(part, 0.5, 0.01) for part in parts)
 
     assert total == pytest.approx(expected, rel=1e-9)
 

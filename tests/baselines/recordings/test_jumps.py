@@ -11,11 +11,7 @@ FIRST = 250
 
 @pytest.fixture(scope="module")
 def points():
-    return simulate(
-        "S100 L100r5 S100 R100r5 S100",
-        1,
-        0,
-    ).measurements[0]
+    return simulate("S100 L100r5 S100 R100r5 S100", 1, 0).measurements[0]
 
 
 @pytest.fixture(scope="module")
@@ -25,28 +21,12 @@ def undisturbed(points):
 
 @pytest.mark.parametrize(
     ("count", "places", "size", "scale"),
-    [
-        (1, 1, 30.0, 1.0),
-        (10, 10, 6e6, 1e-3),
-        (500, 1, 30.0, 1.0),
-    ],
+    [(1, 1, 30.0, 1.0), (10, 10, 6e6, 1e-3), (500, 1, 30.0, 1.0)],
 )
 def test_errors_and_jumps_spoil_neither_the_fit_nor_later_decisions(
-    points,
-    undisturbed,
-    count,
-    places,
-    size,
-    scale,
+    points, undisturbed, count, places, size, scale
 ):
-    angles = np.resize(
-        np.random.default_rng(1).uniform(
-            0.0,
-            2.0 * np.pi,
-            places,
-        ),
-        count,
-    )
+    angles = np.resize(np.random.default_rng(1).uniform(0.0, 2.0 * np.pi, places), count)
     errors = np.zeros_like(points)
     rows = errors[FIRST : FIRST + count]
     rows[:] = size * np.column_stack([np.cos(angles), np.sin(angles)])[: len(rows)]

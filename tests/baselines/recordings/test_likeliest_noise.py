@@ -15,11 +15,7 @@ from hybrid_env.quickest_options import QuickestOptions
 def test_the_likeliest_process_noise_is_that_of_the_object(true):
     options = QuickestOptions(ticks=400, radii=(20.0,))
     factors = np.array(LikeliestNoise.factors)
-    env = hybrid_env.HybridTrackQuickestVectorEnv(
-        20,
-        process_variance=true,
-        radii=(20.0,),
-    )
+    env = hybrid_env.HybridTrackQuickestVectorEnv(20, process_variance=true, radii=(20.0,))
     env.reset(seed=3)
     state = env.world
     banks = [
@@ -27,11 +23,7 @@ def test_the_likeliest_process_noise_is_that_of_the_object(true):
         for factor in factors.tolist()
     ]
     for bank in banks:
-        bank.begin(
-            state.field("estimate"),
-            np.eye(4) * 0.02,
-            state.field("true_mode"),
-        )
+        bank.begin(state.field("estimate"), np.eye(4) * 0.02, state.field("true_mode"))
     chooser = LikeliestNoise(options)
     picked = []
     for _ in range(400):

@@ -12,23 +12,12 @@ RADII = [0.0, 5.0, -5.0]
 
 
 def matrix_filter(start, radius):
-    return MatrixKalmanFilter(
-        start,
-        np.eye(4),
-        radius,
-        0.1,
-        0.001,
-        0.1 * np.eye(2),
-    )
+    return MatrixKalmanFilter(start, np.eye(4), radius, 0.1, 0.001, 0.1 * np.eye(2))
 
 
 @pytest.mark.parametrize("recalculation", ["as_published", "rewind", "literal"])
 def test_recalculated_estimates_are_those_of_the_chosen_filter_since_the_switch(recalculation):
-    recording = simulate(
-        "S60 L60r5 R60r5",
-        runs=3,
-        seed=4,
-    )
+    recording = simulate("S60 L60r5 R60r5", runs=3, seed=4)
     tracks = track_ate(
         recording.measurements, recording.lengths, START, recalculation=recalculation
     )
@@ -53,11 +42,7 @@ def test_recalculated_estimates_are_those_of_the_chosen_filter_since_the_switch(
                 chosen.step(recording.measurements[run, k])
                 if not tracks.undecided[run, segment]:
                     estimate, covariance = tracks.estimates[run, k], tracks.covariances[run, k]
-                    np.testing.assert_allclose(
-                        estimate,
-                        chosen.x,
-                        atol=1e-11,
-                    )
+                    np.testing.assert_allclose(estimate, chosen.x, atol=1e-11)
                     np.testing.assert_allclose(
                         covariance,
                         [chosen.P[[0, 0, 1], [0, 1, 1]], chosen.P[[2, 2, 3], [2, 3, 3]]],

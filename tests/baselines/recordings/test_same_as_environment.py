@@ -16,34 +16,17 @@ from baselines.rules.refiltering import RefilteringDecider
 from hybrid_env import QuickestOptions, WorldOptions
 
 
-@pytest.mark.parametrize(
-    ("name", "start"),
-    [
-        ("axes", "known"),
-        ("ship", "random"),
-    ],
-)
+@pytest.mark.parametrize(("name", "start"), [("axes", "known"), ("ship", "random")])
 @pytest.mark.parametrize("decider", [CusumDecider(), ShiryaevRobertsDecider(), ThresholdDecider()])
 def test_unknown_switch_moments(decider, name, start):
-    modes = same_as_quickest(
-        decider,
-        seed=3,
-        ticks=300,
-        start=start,
-        **COMMON[name],
-    )
+    modes = same_as_quickest(decider, seed=3, ticks=300, start=start, **COMMON[name])
     assert len(set(modes)) > 1
 
 
 @pytest.mark.parametrize("rule", [BeamDecider, RestartDecider])
 def test_rules_that_filter_the_measurements(rule):
     options = COMMON["aircraft"]
-    same_as_quickest(
-        rule(QuickestOptions(**options)),
-        seed=2,
-        ticks=100,
-        **options,
-    )
+    same_as_quickest(rule(QuickestOptions(**options)), seed=2, ticks=100, **options)
 
 
 @pytest.mark.parametrize(
@@ -57,11 +40,7 @@ def test_rules_that_filter_the_measurements(rule):
 )
 def test_known_switch_moments(name, bank, follow):
     decided = same_as_announced(
-        MSPRTDecider(0.02),
-        seed=4,
-        bank=bank,
-        follow=follow,
-        **COMMON[name],
+        MSPRTDecider(0.02), seed=4, bank=bank, follow=follow, **COMMON[name]
     )
     assert len(decided) == 6
     assert len({mode for mode, _ in decided}) > 1
@@ -78,12 +57,7 @@ def test_known_switch_moments(name, bank, follow):
 def test_recalculated_and_refined_estimates(name, bank, refined):
     options = {"radii": (3.0, 5.0)} | COMMON[name]
     decided = same_as_announced(
-        MSPRTDecider(0.3),
-        seed=4,
-        bank=bank,
-        recalculation=True,
-        refine_radius=refined,
-        **options,
+        MSPRTDecider(0.3), seed=4, bank=bank, recalculation=True, refine_radius=refined, **options
     )
 
     assert not all(forced for _, forced in decided)
@@ -91,26 +65,13 @@ def test_recalculated_and_refined_estimates(name, bank, refined):
 
 def test_a_rule_with_filters_of_its_own():
     options = COMMON["axes"]
-    decider = RefilteringDecider(
-        WorldOptions(**options),
-        bank="published",
-        propagates=False,
-    )
-    same_as_announced(
-        decider,
-        seed=7,
-        **options,
-    )
+    decider = RefilteringDecider(WorldOptions(**options), bank="published", propagates=False)
+    same_as_announced(decider, seed=7, **options)
 
 
 @pytest.mark.parametrize(("undecided", "follow"), [("likeliest", "bank"), ("keep", "declared")])
 def test_segments_that_end_undecided(undecided, follow):
-    decided = same_as_announced(
-        FixedTimeDecider(1000),
-        seed=0,
-        undecided=undecided,
-        follow=follow,
-    )
+    decided = same_as_announced(FixedTimeDecider(1000), seed=0, undecided=undecided, follow=follow)
     assert all(forced for _, forced in decided)
     assert ({mode for mode, _ in decided} == {0}) == (undecided == "keep")
 
@@ -120,11 +81,6 @@ def test_the_action_that_declares_the_likeliest_hypothesis():
         def predict(self, observation, state=None, episode_start=None, deterministic=True):
             return (observation[:, -10] > 0.195).astype(int), None
 
-    decided = same_as_announced(
-        BestAt20(),
-        seed=5,
-        actions="best",
-        reset_covariance=False,
-    )
+    decided = same_as_announced(BestAt20(), seed=5, actions="best", reset_covariance=False)
 
     assert not any(forced for _, forced in decided)

@@ -11,19 +11,12 @@ from baselines.recordings.ticks import tick_grid
 
 def circle(times, radius=200.0, speed=20.0):
     angle = speed * times / radius
-    return radius * np.stack(
-        [np.sin(angle), 1.0 - np.cos(angle)],
-        axis=1,
-    )
+    return radius * np.stack([np.sin(angle), 1.0 - np.cos(angle)], axis=1)
 
 
 def test_a_clock_that_jitters_keeps_a_tick_per_row_and_positions_are_moved_along_the_velocity():
     rng = np.random.default_rng(1)
-    times = np.arange(400) + rng.uniform(
-        -0.3,
-        0.3,
-        400,
-    )
+    times = np.arange(400) + rng.uniform(-0.3, 0.3, 400)
     grid = tick_grid(make_recording(times, circle(times)))
     [piece] = grid.pieces
 
@@ -63,11 +56,7 @@ def test_irregular_times_have_a_finer_tick_and_few_rows_share_one():
 def test_noise_is_estimated_also_between_missing_ticks_and_without_units():
     rng = np.random.default_rng(3)
     times = np.arange(2000.0)
-    points = circle(times) + rng.normal(
-        0.0,
-        2.0,
-        (2000, 2),
-    )
+    points = circle(times) + rng.normal(0.0, 2.0, (2000, 2))
     points[rng.random(2000) < 0.3] = np.nan
     points[[0, -1]] = 0.0
     grid = tick_grid(make_recording(times, points))

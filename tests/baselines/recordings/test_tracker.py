@@ -21,47 +21,21 @@ P = np.diag([0.1, 0.04, 0.2, 0.09]) + 0.01 * np.array(
 def measurements(count, seed=0, scale=0.3):
     generator = np.random.default_rng(seed)
     path = 0.2 * np.arange(1, count + 1)[:, None] * [1.0, 0.1]
-    return [
-        tuple(point)
-        for point in (
-            path
-            + generator.normal(
-                0,
-                scale,
-                path.shape,
-            )
-        ).tolist()
-    ]
+    return [tuple(point) for point in (path + generator.normal(0, scale, path.shape)).tolist()]
 
 
 def assert_same(estimate, other):
     assert (estimate.mode, estimate.decided) == (other.mode, other.decided)
-    for mine, theirs in zip(
-        estimate[2:5],
-        other[2:5],
-        strict=True,
-    ):
+    for mine, theirs in zip(estimate[2:5], other[2:5], strict=True):
         np.testing.assert_array_equal(mine, theirs)
 
 
 def test_missing_measurements_are_predicted_by_the_interacting_multiple_model():
-    options = QuickestOptions(
-        radii=(2.0, 9.0),
-        measurement_variance=(0.1, 0.3),
-        hazard=0.1,
-    )
+    options = QuickestOptions(radii=(2.0, 9.0), measurement_variance=(0.1, 0.3), hazard=0.1)
     tracker = OnlineTracker(options, ThresholdDecider())
     tracker.begin(START, P)
     curvatures = [0.0, 0.5, 1 / 9, -0.5, -1 / 9]
-    literal = LiteralImm(
-        START,
-        P,
-        curvatures,
-        options.transition_matrix,
-        0.1,
-        0.001,
-        (0.1, 0.3),
-    )
+    literal = LiteralImm(START, P, curvatures, options.transition_matrix, 0.1, 0.001, (0.1, 0.3))
     for k, point in enumerate(measurements(40)):
         missing = k in {6, 10, 11, 12, 20}
         literal.step(None if missing else point)
@@ -69,45 +43,19 @@ def test_missing_measurements_are_predicted_by_the_interacting_multiple_model():
         if k in {10, 11, 12}:
             continue
         now = tracker.update(None if missing else point, 0.1 * k)
-        np.testing.assert_allclose(
-            now.probabilities,
-            literal.probability,
-            rtol=1e-8,
-        )
-        np.testing.assert_allclose(
-            now.estimate,
-            literal.estimate,
-            rtol=1e-9,
-            atol=1e-11,
-        )
-        np.testing.assert_allclose(
-            now.covariance,
-            literal.covariance,
-            rtol=1e-8,
-            atol=1e-10,
-        )
+        np.testing.assert_allclose(now.probabilities, literal.probability, rtol=1e-8)
+        np.testing.assert_allclose(now.estimate, literal.estimate, rtol=1e-9, atol=1e-11)
+        np.testing.assert_allclose(now.covariance, literal.covariance, rtol=1e-8, atol=1e-10)
 
 
 @pytest.mark.parametrize("declared", [False, True])
 def test_missing_measurements_are_predicted_by_the_filters_of_a_segment(declared):
     tracker = OnlineTracker(
-        WorldOptions(bank="anchor_aware"),
-        FixedTimeDecider(4 if declared else 1000),
+        WorldOptions(bank="anchor_aware"), FixedTimeDecider(4 if declared else 1000)
     )
-    tracker.begin(
-        START,
-        P,
-        mode=1,
-    )
+    tracker.begin(START, P, mode=1)
     filters = [
-        MatrixExtendedKalmanFilter(
-            START,
-            P,
-            radius,
-            0.1,
-            0.001,
-            (0.1, 0.1),
-        )
+        MatrixExtendedKalmanFilter(START, P, radius, 0.1, 0.001, (0.1, 0.1))
         for radius in (0.0, 5.0, -5.0)
     ]
     for k, point in enumerate(measurements(25)):
@@ -118,47 +66,22 @@ def test_missing_measurements_are_predicted_by_the_filters_of_a_segment(declared
         # At tick 4, also after missing ones.
         assert now.decided == (declared and k >= 3)
         kalman = filters[now.mode]
-        np.testing.assert_allclose(
-            now.estimate,
-            kalman.s[:4],
-            rtol=1e-6,
-            atol=1e-8,
-        )
-        np.testing.assert_allclose(
-            now.covariance,
-            kalman.P[:4, :4],
-            rtol=1e-5,
-            atol=1e-8,
-        )
+        np.testing.assert_allclose(now.estimate, kalman.s[:4], rtol=1e-6, atol=1e-8)
+        np.testing.assert_allclose(now.covariance, kalman.P[:4, :4], rtol=1e-5, atol=1e-8)
         if k <= 3 or not declared:
             expected = softmax([kalman.log_likelihood for kalman in filters])
-        np.testing.assert_allclose(
-            now.probabilities,
-            expected,
-            rtol=1e-5,
-        )
+        np.testing.assert_allclose(now.probabilities, expected, rtol=1e-5)
 
 
 def test_a_position_is_used_at_its_time_however_the_clock_jitters():
     tracker = OnlineTracker(QuickestOptions(measurement_variance=1e-4), ThresholdDecider())
     generator = np.random.default_rng(0)
-    times = 50.0 + 0.1 * (
-        np.arange(200)
-        + generator.uniform(
-            -0.4,
-            0.4,
-            200,
-        )
-    )
+    times = 50.0 + 0.1 * (np.arange(200) + generator.uniform(-0.4, 0.4, 200))
     for time in times:
         now = tracker.update((2.0 * time, -time), time)
         assert now.status == "used"
     # Without its time, every position would be wrong by up to .08 m.
-    np.testing.assert_allclose(
-        now.estimate,
-        [2.0 * time, 2.0, -time, -1.0],
-        atol=1e-3,
-    )
+    np.testing.assert_allclose(now.estimate, [2.0 * time, 2.0, -time, -1.0], atol=1e-3)
 
 
 @pytest.mark.parametrize("decider", [ThresholdDecider(), CusumDecider()])
@@ -203,11 +126,7 @@ def test_what_a_sensor_sends_is_never_an_error():
     for start in (-3600.0, 86400.0):
         status = [tracker.update(points[k], start + 0.1 * k).status for k in range(140, 160)]
         assert status[OnlineTracker.patience :] == ["used"] * (20 - OnlineTracker.patience)
-    np.testing.assert_allclose(
-        now_at(tracker),
-        points[159],
-        atol=1.0,
-    )
+    np.testing.assert_allclose(now_at(tracker), points[159], atol=1.0)
 
 
 def now_at(tracker):
@@ -216,19 +135,9 @@ def now_at(tracker):
 
 def test_latitude_and_longitude_go_in_and_come_out():
     projection = Projection(-33.9, 179.999)
-    options = QuickestOptions(
-        radii=(200.0,),
-        measurement_variance=4.0,
-        speed=20.0,
-        tau=1.0,
-    )
+    options = QuickestOptions(radii=(200.0,), measurement_variance=4.0, speed=20.0, tau=1.0)
     tracker, plane = (
-        OnlineTracker(
-            options,
-            ThresholdDecider(),
-            projection=place,
-        )
-        for place in (projection, None)
+        OnlineTracker(options, ThresholdDecider(), projection=place) for place in (projection, None)
     )
     for k in range(60):
         x, y = 20.0 * k - 600.0, 5.0 * np.sin(k)
@@ -236,26 +145,15 @@ def test_latitude_and_longitude_go_in_and_come_out():
         now = tracker.update((latitude, longitude), k)
         expected = plane.update((x, y), k)
         assert now.mode == expected.mode
-        np.testing.assert_allclose(
-            now.estimate,
-            expected.estimate,
-            atol=1e-5,
-        )
-        np.testing.assert_allclose(
-            projection.forward(*now.position),
-            expected.position,
-            atol=1e-5,
-        )
+        np.testing.assert_allclose(now.estimate, expected.estimate, atol=1e-5)
+        np.testing.assert_allclose(projection.forward(*now.position), expected.position, atol=1e-5)
     # It has crossed the longitude 180.
     assert longitude < 0.0
 
 
 @pytest.mark.parametrize("threshold", [0.8, 1.0])
 def test_a_statement_is_decided_from_the_first_crossing_of_the_threshold_on(threshold):
-    tracker = OnlineTracker(
-        QuickestOptions(measurement_variance=0.01),
-        ThresholdDecider(threshold),
-    )
+    tracker = OnlineTracker(QuickestOptions(measurement_variance=0.01), ThresholdDecider(threshold))
     tracker.begin(START, P)
     updates = [tracker.update(point) for point in measurements(60, scale=0.1)]
     decided = [now.decided for now in updates]

@@ -18,53 +18,25 @@ def states_of(env, deciders, ticks):
     for _ in range(ticks):
         seen = deciders[0].observe(env.world)
         # The first mode is known, so that nothing is merged before the second switch.
-        seen[:, 16:] = np.where(
-            seen[:, 16:] == seen[:, 16:].max(1, keepdims=True),
-            0.0,
-            -600.0,
-        )
+        seen[:, 16:] = np.where(seen[:, 16:] == seen[:, 16:].max(1, keepdims=True), 0.0, -600.0)
         states = [
-            decider.predict(seen, state)[1]
-            for decider, state in zip(
-                deciders,
-                states,
-                strict=True,
-            )
+            decider.predict(seen, state)[1] for decider, state in zip(deciders, states, strict=True)
         ]
         yield states
         env.step(np.zeros(env.num_envs, np.int64))
 
 
 def test_the_posterior_of_the_laws_follows_from_the_normalising_constants_of_their_beams():
-    env = HybridTrackQuickestVectorEnv(
-        6,
-        durations="uniform 8-9",
-        ticks=15,
-    )
+    env = HybridTrackQuickestVectorEnv(6, durations="uniform 8-9", ticks=15)
     texts = ("uniform 8-11", "uniform 9-13", "7 + geometric 4")
     prior = np.array([0.5, 0.2, 0.3])
     adaptive = BeamDecider(
         env.options,
         branches=200,
-        prior=Prior(
-            tuple(map(parse_durations, texts)),
-            tuple(prior),
-            different=0.0,
-        ),
+        prior=Prior(tuple(map(parse_durations, texts)), tuple(prior), different=0.0),
     )
-    beams = [
-        BeamDecider(
-            env.options,
-            branches=200,
-            durations=text,
-        )
-        for text in texts
-    ]
-    *_, (learned, *known) = states_of(
-        env,
-        [adaptive, *beams],
-        15,
-    )
+    beams = [BeamDecider(env.options, branches=200, durations=text) for text in texts]
+    *_, (learned, *known) = states_of(env, [adaptive, *beams], 15)
     weights = prior * np.exp(np.transpose([state.branches.evidence for state in known]))
     expected = np.log(weights.sum(1)), weights / weights.sum(1, keepdims=True)
     branches = learned.branches
@@ -78,43 +50,19 @@ def test_the_posterior_of_the_laws_follows_from_the_normalising_constants_of_the
             belief = belief * adaptive.model.tables[history["row"], history["age"] - 1, 0]
             beliefs[i] += shares[i, b] * belief / belief.sum()
 
-    np.testing.assert_allclose(
-        branches.evidence,
-        expected[0],
-        atol=1e-4,
-    )
-    np.testing.assert_allclose(
-        beliefs,
-        expected[1],
-        atol=1e-4,
-    )
+    np.testing.assert_allclose(branches.evidence, expected[0], atol=1e-4)
+    np.testing.assert_allclose(beliefs, expected[1], atol=1e-4)
     probabilities = np.array([np.exp(state.log_probability) for state in known])
-    mixture = np.einsum(
-        "il,lim->im",
-        expected[1],
-        probabilities,
-    )
-    np.testing.assert_allclose(
-        np.exp(learned.log_probability),
-        mixture,
-        atol=1e-4,
-    )
+    mixture = np.einsum("il,lim->im", expected[1], probabilities)
+    np.testing.assert_allclose(np.exp(learned.log_probability), mixture, atol=1e-4)
 
 
 def test_a_cycle_is_learned():
     env = HybridTrackQuickestVectorEnv(
-        8,
-        durations="uniform 40-50",
-        transitions="cycle",
-        ticks=900,
-        measurement_variance=0.01,
+        8, durations="uniform 40-50", transitions="cycle", ticks=900, measurement_variance=0.01
     )
     decider = BeamDecider(env.options, prior=mixed_prior())
-    *_, (state,) = states_of(
-        env,
-        [decider],
-        900,
-    )
+    *_, (state,) = states_of(env, [decider], 900)
     branches = state.branches
     for track in range(8):
         best = branches.filters[track]["log_likelihood"].ravel()[: branches.counts[track]].argmax()
@@ -135,26 +83,13 @@ def test_no_reported_rhythm_is_in_the_prior():
 
 
 def test_sixteen_joined_histories_are_closer_to_many_than_sixteen_of_the_most_probable():
-    env = HybridTrackQuickestVectorEnv(
-        8,
-        ticks=200,
-        measurement_variance=1.0,
-    )
+    env = HybridTrackQuickestVectorEnv(8, ticks=200, measurement_variance=1.0)
     deciders = [
-        BeamDecider(
-            env.options,
-            branches=branches,
-            joined=joined,
-            prior=mixed_prior(),
-        )
+        BeamDecider(env.options, branches=branches, joined=joined, prior=mixed_prior())
         for branches, joined in ((160, False), (16, True), (16, False))
     ]
     errors = np.zeros(2)
-    for states in states_of(
-        env,
-        deciders,
-        200,
-    ):
+    for states in states_of(env, deciders, 200):
         many, *few = (np.exp(state.log_probability) for state in states)
         errors += [np.abs(some - many).sum() for some in few]
 

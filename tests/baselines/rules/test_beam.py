@@ -42,19 +42,11 @@ def test_without_pruning_the_beam_is_the_filter_of_all_modes_and_ages(text, mode
         for probabilities in (remaining_probabilities, duration_probabilities)
     )
     generator = np.random.default_rng(5)
-    root = 0.1 * generator.normal(
-        0,
-        1,
-        (4, 4),
-    )
+    root = 0.1 * generator.normal(0, 1, (4, 4))
     anchor = np.array([3.0, 1.5, -1.0, 1.2])
     P = root @ root.T
     position = anchor[[0, 2]] + 0.1 * np.arange(1, 14)[:, None] * anchor[[1, 3]]
-    z = position + generator.normal(
-        0,
-        0.15,
-        (13, 2),
-    )
+    z = position + generator.normal(0, 0.15, (13, 2))
 
     def begin(mode, state, covariance):
         motion = options.all_modes[mode]
@@ -63,20 +55,7 @@ def test_without_pruning_the_beam_is_the_filter_of_all_modes_and_ages(text, mode
         return MatrixExtendedKalmanFilter(state, covariance, motion.signed_radius, 0.1, 0.01, R)
 
     # Mode, law of the duration, age, filter, weight.
-    branches = [
-        (
-            mode,
-            first,
-            1,
-            begin(
-                mode,
-                anchor,
-                P,
-            ),
-            1 / M,
-        )
-        for mode in range(M)
-    ]
+    branches = [(mode, first, 1, begin(mode, anchor, P), 1 / M) for mode in range(M)]
     decider = BeamDecider(options, branches=200)
     start = [*anchor, *P[TRIANGLE], *np.log([1 / M] * M)]
     rows = np.hstack([z, np.tile(start, (13, 1))])
@@ -85,22 +64,14 @@ def test_without_pruning_the_beam_is_the_filter_of_all_modes_and_ages(text, mode
         ends = [p[age - 1] / p[age - 1 :].sum() for _, p, age, _, _ in branches]
         children = [
             (mode, p, age + 1, copy.deepcopy(kalman), weight * (1 - end))
-            for (mode, p, age, kalman, weight), end in zip(
-                branches,
-                ends,
-                strict=True,
-            )
+            for (mode, p, age, kalman, weight), end in zip(branches, ends, strict=True)
             if end < 1 - 1e-9
         ]
         for new in range(M):
             shares = np.array(
                 [
                     weight * end / (M - 1) * (mode != new)
-                    for (mode, *_, weight), end in zip(
-                        branches,
-                        ends,
-                        strict=True,
-                    )
+                    for (mode, *_, weight), end in zip(branches, ends, strict=True)
                 ]
             )
             if shares.sum() > 0:
@@ -108,25 +79,9 @@ def test_without_pruning_the_beam_is_the_filter_of_all_modes_and_ages(text, mode
                 states = np.array([kalman.x[:4] for *_, kalman, _ in branches])
                 spreads = np.array([kalman.P[:4, :4] for *_, kalman, _ in branches])
                 mean = w @ states
-                covariance = np.einsum(
-                    "b,bij->ij",
-                    w,
-                    spreads,
-                )
+                covariance = np.einsum("b,bij->ij", w, spreads)
                 covariance += (w[:, None] * (states - mean)).T @ (states - mean)
-                children.append(
-                    (
-                        new,
-                        later,
-                        1,
-                        begin(
-                            new,
-                            mean,
-                            covariance,
-                        ),
-                        shares.sum(),
-                    )
-                )
+                children.append((new, later, 1, begin(new, mean, covariance), shares.sum()))
         branches = []
         for mode, p, age, kalman, weight in children:
             before = kalman.log_likelihood
@@ -138,37 +93,16 @@ def test_without_pruning_the_beam_is_the_filter_of_all_modes_and_ages(text, mode
             weights[mode] += weight
         _, state = decider.predict(row[None], state)
         probabilities = np.exp(state.log_probability[0])
-        np.testing.assert_allclose(
-            probabilities,
-            weights / weights.sum(),
-            rtol=2e-5,
-            atol=1e-9,
-        )
+        np.testing.assert_allclose(probabilities, weights / weights.sum(), rtol=2e-5, atol=1e-9)
 
     assert 10 < state.branches.counts[0] < 200
 
 
 def test_hazards_give_back_the_law():
-    laws = QuickestOptions(
-        durations="uniform 5-9",
-        start="random",
-        ticks=400,
-    ).duration_laws
+    laws = QuickestOptions(durations="uniform 5-9", start="random", ticks=400).duration_laws
     table = hazards(laws)
-    survival = np.cumprod(
-        np.insert(
-            1.0 - table,
-            0,
-            1.0,
-            axis=1,
-        ),
-        axis=1,
-    )[:, :-1]
+    survival = np.cumprod(np.insert(1.0 - table, 0, 1.0, axis=1), axis=1)[:, :-1]
 
-    np.testing.assert_allclose(
-        survival * table,
-        laws,
-        atol=1e-12,
-    )
+    np.testing.assert_allclose(survival * table, laws, atol=1e-12)
     # By the definition: a segment at the start ends after tick 1 with probability 1 / mean.
     assert remaining_probabilities(parse_durations("uniform 2-4"), 9)[0] == pytest.approx(1 / 3)

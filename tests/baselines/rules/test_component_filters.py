@@ -13,33 +13,20 @@ from baselines.rules.measurements import in_rows, observe_sensed, split_sensed
 from hybrid_env import HybridTrackVectorEnv, Layout, Radar, Sensor
 
 TRACKS, TICKS = 9, 30
-SPOILED = {
-    4: (6.0, -3.0),
-    5: (-40.0, 9.0),
-    20: (0.0, 14.0),
-}
+SPOILED = {4: (6.0, -3.0), 5: (-40.0, 9.0), 20: (0.0, 14.0)}
 """Tick and displacement of the outliers, in standard deviations of a measurement."""
 
 
 def recorded(**options):
     """Return world and rows (TICKS, TRACKS, width), with outliers in every second track."""
-    env = HybridTrackVectorEnv(
-        TRACKS,
-        radii=(3.0, 8.0),
-        scheme="random 1x50-60",
-        **options,
-    )
+    env = HybridTrackVectorEnv(TRACKS, radii=(3.0, 8.0), scheme="random 1x50-60", **options)
     rows = [env.reset(seed=3)[0].copy()]
     while len(rows) < TICKS:
         rows.append(env.step(np.zeros(TRACKS, np.int64))[0].copy())
     layout = Layout(env.options.hypotheses)
     for tick, shift in SPOILED.items():
         names = "displacement_along", "displacement_across"
-        for name, deviations in zip(
-            names,
-            shift,
-            strict=True,
-        ):
+        for name, deviations in zip(names, shift, strict=True):
             rows[tick][::2, layout.slices[name]] += deviations * layout.scales[name]
     return env.options, rows
 
@@ -51,12 +38,7 @@ def reference(world, speed, covariance, measurements, R, law):
     R, outlier_R = (np.multiply(factor, R) for factor in (law.variance, law.outlier_variance))
     model = world.tau, world.process_variance, R
     filters = [
-        MatrixExtendedKalmanFilter(
-            (0.0, speed, 0.0, 0.0),
-            covariance,
-            radius,
-            *model,
-        )
+        MatrixExtendedKalmanFilter((0.0, speed, 0.0, 0.0), covariance, radius, *model)
         for radius in (0.0, *world.radii, *(-radius for radius in world.radii))
     ]
     log_likelihoods = []
@@ -82,31 +64,15 @@ def reference(world, speed, covariance, measurements, R, law):
 def test_robust_filters_equal_matrix_filters():
     x, y = 0.02, 0.4
     world, rows = recorded(measurement_variance=(x, y), missed=0.3)
-    filters = ComponentFilters(
-        "anchor_aware",
-        1,
-        TRACKS,
-        world,
-        robust=True,
-    )
+    filters = ComponentFilters("anchor_aware", 1, TRACKS, world, robust=True)
     anchors = stated_anchors(world, rows[0])
     ours = []
     none = np.zeros(TRACKS, np.bool_)
     for tick, row in enumerate(rows):
-        filters.advance(
-            row,
-            np.full(TRACKS, tick == 0),
-            anchors,
-            none,
-        )
+        filters.advance(row, np.full(TRACKS, tick == 0), anchors, none)
         ours.append(filters.log_likelihood[0].copy())
     # The next segment.
-    filters.advance(
-        rows[0],
-        ~none,
-        anchors,
-        none,
-    )
+    filters.advance(rows[0], ~none, anchors, none)
     axes = [(x, y), (y, x), ((x + y) / 2, (x + y) / 2)]
     measurements = np.array([in_rows(world, row) for row in rows])
     begun = speeds(world, rows[0])
@@ -115,27 +81,12 @@ def test_robust_filters_equal_matrix_filters():
         of_track = world, begun[track], anchors.covariance[track, 0], measurements[:, track]
         by_law = []
         for law in LAWS:
-            each, outliers = zip(
-                *(
-                    reference(
-                        *of_track,
-                        R,
-                        law,
-                    )
-                    for R in axes
-                ),
-                strict=True,
-            )
+            each, outliers = zip(*(reference(*of_track, R, law) for R in axes), strict=True)
             by_law.append(law.log_prior + logsumexp(each, axis=0) - np.log(len(axes)))
             total += min(outliers)
         expected = logsumexp(by_law, axis=0)
         laws = log_softmax(logsumexp([values[-1] for values in by_law], axis=-1))
-        np.testing.assert_allclose(
-            filters.log_laws[:, track],
-            laws,
-            rtol=2e-3,
-            atol=2e-3,
-        )
+        np.testing.assert_allclose(filters.log_laws[:, track], laws, rtol=2e-3, atol=2e-3)
         mine = np.array(ours)[:, track]
         np.testing.assert_allclose(
             mine - mine[:, :1], expected - expected[:, :1], rtol=2e-3, atol=2e-3
@@ -145,12 +96,7 @@ def test_robust_filters_equal_matrix_filters():
 
 
 SENSORS = (
-    Radar(
-        range_deviation=0.2,
-        bearing_deviation=0.02,
-        rate_deviation=0.2,
-        position=(30.0, 5.0),
-    ),
+    Radar(range_deviation=0.2, bearing_deviation=0.02, rate_deviation=0.2, position=(30.0, 5.0)),
     Sensor(variance=0.3, period=3),
 )
 
@@ -166,28 +112,16 @@ def test_with_sensors_the_filters_equal_the_bank():
         reset_covariance=False,
     )
     env.reset(seed=3)
-    filters = ComponentFilters(
-        "published",
-        1,
-        TRACKS,
-        env.options,
-    )
+    filters = ComponentFilters("published", 1, TRACKS, env.options)
     layout, none = env.world.layout, np.zeros(TRACKS, np.bool_)
     for tick in range(TICKS):
         rows, sensed = split_sensed(layout, observe_sensed(env.world))
         filters.advance(
-            rows,
-            np.full(TRACKS, tick == 0),
-            stated_anchors(env.options, rows),
-            none,
-            sensed,
+            rows, np.full(TRACKS, tick == 0), stated_anchors(env.options, rows), none, sensed
         )
         expected = env.world.hypothesis_values()
         log_likelihood = filters.log_likelihood[0]
         np.testing.assert_allclose(
-            log_likelihood - log_likelihood[:, :1],
-            expected - expected[:, :1],
-            rtol=2e-3,
-            atol=2e-3,
+            log_likelihood - log_likelihood[:, :1], expected - expected[:, :1], rtol=2e-3, atol=2e-3
         )
         env.step(np.zeros(TRACKS, np.int64))

@@ -13,12 +13,7 @@ ENV = "hybrid_env:HybridTrackPublished-v0"
 
 
 def test_evaluation_agrees_with_single_environments():
-    decisions = evaluate(
-        SPRTDecider(0.01),
-        ENV,
-        episodes=4,
-        seed=30,
-    )
+    decisions = evaluate(SPRTDecider(0.01), ENV, episodes=4, seed=30)
     for i in range(4):
         env = HybridTrackEnv()
         decider = SPRTDecider(0.01)
@@ -34,10 +29,7 @@ def test_evaluation_agrees_with_single_environments():
             if "ticks" in info:
                 made.append((info["correct"], info["ticks"], info["decided_squared_error"]))
         episode = decisions.correct[i], decisions.ticks[i], decisions.squared_error[i]
-        np.testing.assert_array_equal(
-            np.array(made, float).T,
-            np.array(episode, float),
-        )
+        np.testing.assert_array_equal(np.array(made, float).T, np.array(episode, float))
         assert decisions.reward[i].sum() == pytest.approx(reward)
 
 
@@ -46,35 +38,13 @@ def test_figures_of_an_episode_are_those_of_its_segments():
     flags, zeros, ones = np.zeros((1, 4), bool), np.zeros((1, 4), int), np.ones((1, 4), int)
     length = np.array([[10, 30, 10, 30]])
     error = np.array([[40.0, 120.0, 40.0, 120.0]])
-    decisions = Decisions(
-        correct,
-        correct,
-        5 * ones,
-        flags,
-        zeros,
-        zeros,
-        length,
-        error,
-        0.02,
-    )
-    values = dict(
-        zip(
-            COLUMNS,
-            decisions.values[0],
-            strict=True,
-        )
-    )
+    decisions = Decisions(correct, correct, 5 * ones, flags, zeros, zeros, length, error, 0.02)
+    values = dict(zip(COLUMNS, decisions.values[0], strict=True))
 
     assert values["accuracy"] == values["type_accuracy"] == 0.5
     assert values["reward"] == pytest.approx(-0.1)
     assert (values["wrong_after_correct"], values["after_correct"]) == (1, 1)
     assert (values["wrong_after_wrong"], values["after_wrong"]) == (1, 2)
-    scores = Scores(
-        "x",
-        "k",
-        (0.0,),
-        COLUMNS,
-        decisions.values[..., None],
-    )
+    scores = Scores("x", "k", (0.0,), COLUMNS, decisions.values[..., None])
     # Over ticks, not over segments.
     assert scores.estimate(RMSE).value == pytest.approx(2.0)

@@ -54,22 +54,14 @@ HELPED = "from limits import ACTION\ndef rule(rows):\n    return [ACTION] * len(
 @pytest.fixture
 def source(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(
-        sys,
-        "path",
-        [*sys.path],
-    )
+    monkeypatch.setattr(sys, "path", [*sys.path])
     path = tmp_path / "mine.py"
     path.write_text(SOURCE)
     return path
 
 
 def played(decider):
-    return evaluate(
-        decider,
-        episodes=3,
-        scheme=OPTIONS.scheme,
-    )
+    return evaluate(decider, episodes=3, scheme=OPTIONS.scheme)
 
 
 def test_a_function_in_a_file_is_swept_and_equals_the_same_rule_of_the_package(source):
@@ -92,15 +84,9 @@ def test_classes_and_objects_are_found(source):
 def test_a_module_and_an_entry_point_are_found(source, monkeypatch):
     source.rename(source.with_name("rules_of_a_package.py"))
     assert find_decider("rules_of_a_package:Patient", OPTIONS).title == "patient rule"
-    point = EntryPoint(
-        "patient",
-        "rules_of_a_package:Patient",
-        external.ENTRY_POINTS,
-    )
+    point = EntryPoint("patient", "rules_of_a_package:Patient", external.ENTRY_POINTS)
     monkeypatch.setattr(
-        external,
-        "entry_points",
-        lambda group: [point] if group == external.ENTRY_POINTS else [],
+        external, "entry_points", lambda group: [point] if group == external.ENTRY_POINTS else []
     )
     assert find_decider("patient:2", OPTIONS).threshold == 2
     with pytest.raises(ArgumentError, match="did you mean 'patient'"):

@@ -82,42 +82,20 @@ def literal(seen, options, mean, threshold, margin, window, bank):
     P = np.zeros((4, 4))
     P[TRIANGLE] = seen[0, 6:16]
     P += np.triu(P, 1).T
-    nominal = matrix_filter(
-        bank,
-        stated,
-        seen[0, 2:6],
-        P,
-        options,
-    )
+    nominal = matrix_filter(bank, stated, seen[0, 2:6], P, options)
     others = [mode for mode in range(M) if mode != stated]
     # (filters by mode, log-likelihood of the stated mode before the start)
     tests = []
     statements = [stated]
     log_ratios = [np.zeros(M)]
     for row in seen[1:]:
-        new = {
-            mode: matrix_filter(
-                bank,
-                mode,
-                *estimate(nominal),
-                options,
-            )
-            for mode in others
-        }
+        new = {mode: matrix_filter(bank, mode, *estimate(nominal), options) for mode in others}
         tests = [*tests, (new, nominal.log_likelihood)][-window:]
-        step(
-            nominal,
-            row,
-            options,
-        )
+        step(nominal, row, options)
         logs = {mode: [] for mode in others}
         for filters, before in tests:
             for mode in others:
-                step(
-                    filters[mode],
-                    row,
-                    options,
-                )
+                step(filters[mode], row, options)
                 logs[mode].append(filters[mode].log_likelihood - (nominal.log_likelihood - before))
         values = np.zeros(M)
         for mode in others:
@@ -148,33 +126,13 @@ def literal(seen, options, mean, threshold, margin, window, bank):
 )
 def test_statements_and_ratios_equal_those_of_a_literal_loop(given, bank, window, margin, mean):
     options = QuickestOptions(**given)
-    decider = RestartDecider(
-        options,
-        2.5,
-        margin,
-        window,
-        bank,
-        mean,
-    )
+    decider = RestartDecider(options, 2.5, margin, window, bank, mean)
     seen, stated, log_ratios = run(decider, **given)
     changes = 0
     for track in range(4):
-        expected, values = literal(
-            seen[:, track],
-            options,
-            mean,
-            2.5,
-            margin,
-            window,
-            bank,
-        )
+        expected, values = literal(seen[:, track], options, mean, 2.5, margin, window, bank)
         np.testing.assert_array_equal(stated[:, track], expected)
-        np.testing.assert_allclose(
-            log_ratios[:, track],
-            values,
-            rtol=1e-4,
-            atol=1e-4,
-        )
+        np.testing.assert_allclose(log_ratios[:, track], values, rtol=1e-4, atol=1e-4)
         changes += (np.diff(expected) != 0).sum()
 
     assert changes > 8

@@ -16,12 +16,7 @@ evaluate = functools.partial(rollout.evaluate, env_id="hybrid_env:HybridTrackPub
 
 
 def test_rules_decide_as_posteriors_from_log_likelihoods():
-    env = HybridTrackVectorEnv(
-        64,
-        tick_info=True,
-        radii=(3.0, 5.0, 9.0),
-        correctness="type",
-    )
+    env = HybridTrackVectorEnv(64, tick_info=True, radii=(3.0, 5.0, 9.0), correctness="type")
     rows, info = env.reset(seed=3)
     kind = np.array([0, 1, 1, 1, 2, 2, 2])
     declared = np.zeros(3)
@@ -29,11 +24,7 @@ def test_rules_decide_as_posteriors_from_log_likelihoods():
         posterior = softmax(info["log_likelihood"], axis=-1)
         ranked = np.sort(info["log_likelihood"], axis=-1)
         types = np.stack([posterior[:, kind == k].sum(-1) for k in range(3)], axis=-1)
-        of_type = np.where(
-            kind == types.argmax(-1)[:, None],
-            posterior,
-            -1.0,
-        )
+        of_type = np.where(kind == types.argmax(-1)[:, None], posterior, -1.0)
         cases = (
             (MSPRTDecider(0.05), 1.0 - posterior.max(-1) <= 0.05, posterior),
             (GapDecider(3.0), ranked[:, -1] - ranked[:, -2] >= 3.0, posterior),
@@ -42,14 +33,7 @@ def test_rules_decide_as_posteriors_from_log_likelihoods():
         for k, (decider, decides, values) in enumerate(cases):
             actions, _ = decider.predict(rows)
             # Rows are float32, so that a value exactly at the threshold could differ; none does.
-            np.testing.assert_array_equal(
-                actions,
-                np.where(
-                    decides,
-                    values.argmax(-1) + 1,
-                    0,
-                ),
-            )
+            np.testing.assert_array_equal(actions, np.where(decides, values.argmax(-1) + 1, 0))
             declared[k] += np.count_nonzero(actions)
         rows, _, _, _, info = env.step(np.zeros(64, np.int64))
 
@@ -60,11 +44,7 @@ def test_error_rate_is_close_to_alpha_if_the_posterior_is_exact():
     alpha = 0.05
     # The oracle bank has the exact posterior, so the error rate is at most alpha (Baum & Veeravalli
     # 1994).
-    decisions = evaluate(
-        MSPRTDecider(alpha),
-        episodes=1500,
-        bank="oracle",
-    )
+    decisions = evaluate(MSPRTDecider(alpha), episodes=1500, bank="oracle")
     decided = ~decisions.forced
     errors = int((~decisions.correct[decided]).sum())
     count = int(decided.sum())

@@ -133,9 +133,7 @@ def whitened_errors(episodes, alpha=0.003, robust=False, **options):
                 right = modes == now.info["decided_true_mode"][decided]
                 rows, _ = split_sensed(decider.layout, now.observation)
                 _, mean, covariance = now.state.errors.after(
-                    now.state.filters,
-                    rows[decided],
-                    decided,
+                    now.state.filters, rows[decided], decided
                 )
                 error = anchor_errors(env, decided, truth[decided]) - mean[:, 0]
                 root = np.linalg.cholesky(covariance[:, 0])

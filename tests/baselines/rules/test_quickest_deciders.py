@@ -12,21 +12,13 @@ from baselines.rules.steady import SteadyDecider
 from baselines.rules.threshold import ThresholdDecider
 from hybrid_env import HybridTrackQuickestVectorEnv, QuickestLayout
 
-OPTIONS = {
-    "ticks": 150,
-    "durations": "uniform 15-40",
-    "measurement_variance": 0.05,
-}
+OPTIONS = {"ticks": 150, "durations": "uniform 15-40", "measurement_variance": 0.05}
 TRACKS = 12
 
 
 def run(decider, episodes=1):
     """Return rows (T, N, width) and statements (T, N) of a decider that keeps its state."""
-    env = HybridTrackQuickestVectorEnv(
-        TRACKS,
-        autoreset_mode="SameStep",
-        **OPTIONS,
-    )
+    env = HybridTrackQuickestVectorEnv(TRACKS, autoreset_mode="SameStep", **OPTIONS)
     rows, _ = env.reset(seed=3)
     state = None
     seen = []
@@ -55,10 +47,7 @@ def shiryaev_roberts(ratios):
 
 @pytest.mark.parametrize(
     ("decider", "statistic"),
-    [
-        (CusumDecider(2.5), cusum),
-        (ShiryaevRobertsDecider(4.0), shiryaev_roberts),
-    ],
+    [(CusumDecider(2.5), cusum), (ShiryaevRobertsDecider(4.0), shiryaev_roberts)],
 )
 def test_statements_equal_those_of_a_literal_loop(decider, statistic):
     rows, stated = run(decider, episodes=2)

@@ -20,13 +20,7 @@ def test_thresholds_are_those_of_wald():
 
 def decide(ratios, reference=0, running=None):
     running = np.ones(len(ratios), bool) if running is None else running
-    return sprt_test(
-        np.array(ratios, float),
-        running,
-        reference,
-        A,
-        B,
-    ), running.tolist()
+    return sprt_test(np.array(ratios, float), running, reference, A, B), running.tolist()
 
 
 @pytest.mark.parametrize(
@@ -68,13 +62,7 @@ def test_error_rate_and_decision_time_of_two_normal_hypotheses_satisfy_walds_bou
         k = 0
         while winner < 0:
             ratio[1] += shift * generator.standard_normal() - shift * shift / 2
-            winner = sprt_test(
-                ratio,
-                running,
-                0,
-                A,
-                B,
-            )
+            winner = sprt_test(ratio, running, 0, A, B)
             k += 1
         errors += winner
         times.append(k)
@@ -99,42 +87,17 @@ def row(ratios, tick, previous):
 
 def test_the_decider_restores_rejected_hypotheses_at_a_switch():
     decider = SPRTDecider(0.01, 0.02)
-    actions, state = decider.predict(
-        row(
-            [0.0, B - 1.0, 0.0],
-            7,
-            0,
-        )
-    )
+    actions, state = decider.predict(row([0.0, B - 1.0, 0.0], 7, 0))
 
     assert actions.tolist() == [0]
     assert state[1].tolist() == [[True, False, True]]
     kept = state[1].copy()
-    actions, later = decider.predict(
-        row(
-            [0.0, 0.0, 0.0],
-            1,
-            0,
-        ),
-        state,
-    )
+    actions, later = decider.predict(row([0.0, 0.0, 0.0], 1, 0), state)
     assert later[1].tolist() == [[True, True, True]]
     np.testing.assert_array_equal(state[1], kept)
 
 
 def test_fixed_time_declares_the_most_likely_hypothesis_at_its_decision_time():
     decider = FixedTimeDecider(10)
-    assert decider.predict(
-        row(
-            [0.0, 3.0, 1.0],
-            9,
-            0,
-        )
-    )[0].tolist() == [0]
-    assert decider.predict(
-        row(
-            [0.0, 3.0, 1.0],
-            10,
-            0,
-        )
-    )[0].tolist() == [2]
+    assert decider.predict(row([0.0, 3.0, 1.0], 9, 0))[0].tolist() == [0]
+    assert decider.predict(row([0.0, 3.0, 1.0], 10, 0))[0].tolist() == [2]

@@ -13,33 +13,12 @@ from hybrid_env import HybridTrackQuickestVectorEnv
 
 def drawn(seed, moments=120):
     generator = np.random.default_rng(seed)
-    modes, stated = (
-        np.repeat(
-            generator.integers(
-                0,
-                3,
-                40,
-            ),
-            long,
-        )[:moments]
-        for long in (6, 4)
-    )
+    modes, stated = (np.repeat(generator.integers(0, 3, 40), long)[:moments] for long in (6, 4))
     scored = np.repeat(generator.random(40) < 0.8, 3)[:moments]
-    weights = np.where(
-        scored,
-        generator.random(moments),
-        0.0,
-    )
+    weights = np.where(scored, generator.random(moments), 0.0)
     times = np.cumsum(0.1 + generator.random(moments))
     samples = scored & (generator.random(moments) < 0.9)
-    return Timeline(
-        times,
-        modes,
-        stated,
-        scored,
-        weights,
-        samples,
-    )
+    return Timeline(times, modes, stated, scored, weights, samples)
 
 
 def literal_counts(timeline, normal):
@@ -55,11 +34,7 @@ def literal_counts(timeline, normal):
 
     def runs(values):
         begins = [k for k in range(1, n) if values[k] != values[k - 1]]
-        return zip(
-            begins,
-            [*begins[1:], n],
-            strict=True,
-        )
+        return zip(begins, [*begins[1:], n], strict=True)
 
     for begin, end in runs(modes):
         if scored[begin:end].mean() < 0.5:
@@ -92,23 +67,11 @@ def test_counts_equal_those_of_a_literal_loop_also_in_blocks(seed):
     timeline = drawn(seed)
     expected = literal_counts(timeline, normal=1)
     (counts,) = count_timeline(timeline, normal=1)
-    parts = count_timeline(
-        timeline,
-        normal=1,
-        blocks=np.repeat([0, 1, 3], 40),
-    )
+    parts = count_timeline(timeline, normal=1, blocks=np.repeat([0, 1, 3], 40))
 
-    np.testing.assert_allclose(
-        counts,
-        expected,
-        atol=1e-12,
-    )
+    np.testing.assert_allclose(counts, expected, atol=1e-12)
     assert not parts[2].any()
-    np.testing.assert_allclose(
-        parts.sum(0),
-        expected,
-        atol=1e-12,
-    )
+    np.testing.assert_allclose(parts.sum(0), expected, atol=1e-12)
     # Without a normal mode there are no false alarms.
     (counts,) = count_timeline(timeline)
     assert TimelineCounts(*counts).false_alarms == 0 < TimelineCounts(*counts).false
@@ -117,16 +80,7 @@ def test_counts_equal_those_of_a_literal_loop_also_in_blocks(seed):
 def test_statements_at_ticks_are_counted_as_those_at_samples():
     generator = np.random.default_rng(0)
     true, stated = (
-        np.repeat(
-            generator.integers(
-                0,
-                3,
-                (40, 7),
-            ),
-            ticks,
-            axis=0,
-        )[:60]
-        for ticks in (5, 2)
+        np.repeat(generator.integers(0, 3, (40, 7)), ticks, axis=0)[:60] for ticks in (5, 2)
     )
     every = np.ones(60, np.bool_)
     for track, counted in enumerate(measure_statements(Statements(true, stated)).values):
@@ -135,13 +89,7 @@ def test_statements_at_ticks_are_counted_as_those_at_samples():
         )
         counts = TimelineCounts(*count_timeline(line)[0])
         assert (
-            dict(
-                zip(
-                    COLUMNS,
-                    counted,
-                    strict=True,
-                )
-            ).items()
+            dict(zip(COLUMNS, counted, strict=True)).items()
             >= {
                 "right": counts.agreed / counts.scored,
                 "switches": counts.switches + counts.pending,
@@ -166,21 +114,9 @@ def test_delays_of_two_short_tracks():
 
 
 def test_the_reward_is_that_of_the_environment():
-    options = {
-        "ticks": 120,
-        "durations": "uniform 10-30",
-        "change_cost": 3.0,
-    }
+    options = {"ticks": 120, "durations": "uniform 10-30", "change_cost": 3.0}
     decider = ThresholdDecider(0.5)
-    metrics = measure_statements(
-        record_statements(
-            decider,
-            30,
-            8,
-            **options,
-        ),
-        change_cost=3.0,
-    )
+    metrics = measure_statements(record_statements(decider, 30, 8, **options), change_cost=3.0)
     env = HybridTrackQuickestVectorEnv(30, **options)
     rows, _ = env.reset(seed=8)
     total = np.zeros(30)
@@ -188,9 +124,5 @@ def test_the_reward_is_that_of_the_environment():
         rows, rewards, *_ = env.step(decider.predict(rows)[0])
         total += rewards
 
-    np.testing.assert_allclose(
-        metrics.reward,
-        total / 120,
-        rtol=1e-12,
-    )
+    np.testing.assert_allclose(metrics.reward, total / 120, rtol=1e-12)
     assert metrics.wrong_changes.sum() > 0

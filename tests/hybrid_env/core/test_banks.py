@@ -33,15 +33,8 @@ from hybrid_env.live import SQUARE, LiveTracks
 
 STATE = ("x", "vx", "y", "vy")
 TRIANGLE = np.triu_indices(4)
-UNEQUAL = {
-    "measurement_variance": (0.05, 0.2),
-    "process_variance": 0.02,
-    "tau": 0.15,
-}
-SENSORS = (
-    Sensor(variance=0.4, period=2),
-    Sensor(variance=0.05, position=(3.0, 4.0), range=4.0),
-)
+UNEQUAL = {"measurement_variance": (0.05, 0.2), "process_variance": 0.02, "tau": 0.15}
+SENSORS = (Sensor(variance=0.4, period=2), Sensor(variance=0.05, position=(3.0, 4.0), range=4.0))
 RADARS = (
     Radar(range_deviation=0.1, bearing_deviation=0.02, position=(-20.0, 3.0)),
     Sensor(variance=0.3, period=3),
@@ -55,20 +48,11 @@ DOPPLER = (
         position=(0.0, -30.0),
         period=2,
     ),
-    Radar(
-        range_deviation=0.2,
-        bearing_deviation=0.03,
-        rate_deviation=0.1,
-        position=(20.0, 3.0),
-    ),
+    Radar(range_deviation=0.2, bearing_deviation=0.03, rate_deviation=0.1, position=(20.0, 3.0)),
 )
 MEASURED = {
     "unequal": UNEQUAL,
-    "sensors": {
-        "sensors": SENSORS,
-        "missed": 0.4,
-        "noise": "levy 1.5 0.5 44",
-    },
+    "sensors": {"sensors": SENSORS, "missed": 0.4, "noise": "levy 1.5 0.5 44"},
     "range rates": {"sensors": DOPPLER, "missed": 0.3},
 }
 HEAVY = {"noise": "levy 1.2"}
@@ -102,10 +86,7 @@ def check_rows(env, rows, measurement):
     """Check that innovations are exactly zero in ticks without a measurement, and nowhere else."""
     layout = env.world.layout
     white = np.hstack([layout.read(rows, f"innovation_{axis}") for axis in ("along", "across")])
-    np.testing.assert_array_equal(
-        (white == 0).all(1),
-        np.isnan(measurement[:, 0]),
-    )
+    np.testing.assert_array_equal((white == 0).all(1), np.isnan(measurement[:, 0]))
     assert env.observation_space.contains(rows)
 
 
@@ -191,48 +172,24 @@ def test_the_imm_bank_equals_the_literal_one(options):
         for i, filters in enumerate(literal):
             step_filters([filters], env, i, env.world.field("measurement")[i])
         bank = env.world.bank.hypotheses[0]
-        states = np.stack([bank[name] for name in STATE], -1).swapaxes(
-            0,
-            1,
-        )
+        states = np.stack([bank[name] for name in STATE], -1).swapaxes(0, 1)
         np.testing.assert_allclose(
-            states,
-            [filters.states for filters in literal],
-            rtol=1e-8,
-            atol=1e-8,
+            states, [filters.states for filters in literal], rtol=1e-8, atol=1e-8
         )
         P = [[matrix[TRIANGLE] for matrix in filters.covariances] for filters in literal]
+        np.testing.assert_allclose(bank["covariance"].transpose(2, 0, 1), P, rtol=1e-7, atol=1e-10)
         np.testing.assert_allclose(
-            bank["covariance"].transpose(2, 0, 1),
-            P,
-            rtol=1e-7,
-            atol=1e-10,
-        )
-        np.testing.assert_allclose(
-            bank["log_likelihood"].T,
-            [filters.log_likelihood for filters in literal],
-            rtol=1e-7,
+            bank["log_likelihood"].T, [filters.log_likelihood for filters in literal], rtol=1e-7
         )
         probability = [filters.probability for filters in literal]
         np.testing.assert_allclose(
-            np.exp(info["log_probability"]),
-            probability,
-            rtol=1e-7,
-            atol=1e-9,
+            np.exp(info["log_probability"]), probability, rtol=1e-7, atol=1e-9
         )
         np.testing.assert_allclose(
-            info["estimate"],
-            [filters.estimate for filters in literal],
-            rtol=1e-8,
-            atol=1e-8,
+            info["estimate"], [filters.estimate for filters in literal], rtol=1e-8, atol=1e-8
         )
         merged = [filters.covariance[TRIANGLE] for filters in literal]
-        np.testing.assert_allclose(
-            env.world.field("covariance"),
-            merged,
-            rtol=1e-7,
-            atol=1e-9,
-        )
+        np.testing.assert_allclose(env.world.field("covariance"), merged, rtol=1e-7, atol=1e-9)
         check_rows(env, rows, env.world.field("measurement"))
         rows, *_, info = env.step(np.zeros(LANES, np.int64))
     assert (env.world.field("segment") > 0).all()
@@ -241,21 +198,11 @@ def test_the_imm_bank_equals_the_literal_one(options):
 def test_the_anchor_aware_filter_that_was_declared_carries_over_its_covariance():
     R = (0.1, 0.2)
     env = HybridTrackEnv(
-        bank="anchor_aware",
-        scheme="L30r5 S20",
-        measurement_variance=R,
-        render_mode="rgb_array",
+        bank="anchor_aware", scheme="L30r5 S20", measurement_variance=R, render_mode="rgb_array"
     )
     _, info = env.reset(seed=4)
     P = np.diag([0.3 * R[0], 0.02, 0.3 * R[1], 0.02])
-    chosen = MatrixExtendedKalmanFilter(
-        info["anchor"],
-        P,
-        5.0,
-        0.1,
-        0.001,
-        R,
-    )
+    chosen = MatrixExtendedKalmanFilter(info["anchor"], P, 5.0, 0.1, 0.001, R)
     for k in range(12):
         chosen.step(info["measurement"])
         if k < 11:
@@ -265,16 +212,9 @@ def test_the_anchor_aware_filter_that_was_declared_carries_over_its_covariance()
     for z in env.world.read_trace(0)[:-1, 4:6]:
         chosen.step(z)
 
+    np.testing.assert_allclose(info["anchor"], chosen.s[:4], rtol=1e-6, atol=1e-7)
     np.testing.assert_allclose(
-        info["anchor"],
-        chosen.s[:4],
-        rtol=1e-6,
-        atol=1e-7,
-    )
-    np.testing.assert_allclose(
-        env.world.field("covariance")[0],
-        chosen.P[:4, :4][TRIANGLE],
-        rtol=1e-5,
+        env.world.field("covariance")[0], chosen.P[:4, :4][TRIANGLE], rtol=1e-5
     )
     mean = [
         0.5 * (chosen.P[a, b] / R[0] + chosen.P[a + 2, b + 2] / R[1])
@@ -288,11 +228,7 @@ def test_the_oracle_bank_is_anchored_at_the_true_state():
     env = HybridTrackEnv(bank="oracle", scheme="L30r5 S20", heading=0.5)
     _, info = env.reset(seed=4)
 
-    np.testing.assert_allclose(
-        info["anchor"],
-        [0, 2 * np.cos(0.5), 0, 2 * np.sin(0.5)],
-        atol=1e-15,
-    )
+    np.testing.assert_allclose(info["anchor"], [0, 2 * np.cos(0.5), 0, 2 * np.sin(0.5)], atol=1e-15)
     # A wrong decision does not change the next anchor.
     _, _, _, _, info = env.step(3)
     assert not info["correct"]
@@ -338,27 +274,14 @@ def test_the_anchor_is_the_mixture_of_the_filters():
             log_likelihood = bank.step(measurement)
             weights = posterior(log_likelihood)
             mean = weights @ bank.estimates
-        np.testing.assert_allclose(
-            env.world.field("anchor")[i],
-            mean,
-            rtol=1e-9,
-        )
-        np.testing.assert_allclose(
-            trace[-1, 6:8],
-            mean[[0, 2]],
-            rtol=1e-9,
-        )
+        np.testing.assert_allclose(env.world.field("anchor")[i], mean, rtol=1e-9)
+        np.testing.assert_allclose(trace[-1, 6:8], mean[[0, 2]], rtol=1e-9)
         expected = np.zeros((4, 4))
         for h in range(5):
             deviation = bank.estimates[h] - mean
             expected += weights[h] * (bank.covariances[h] + np.outer(deviation, deviation))
         covariance = env.world.field("covariance")[i]
-        np.testing.assert_allclose(
-            covariance,
-            expected[np.triu_indices(4)],
-            rtol=1e-7,
-            atol=1e-12,
-        )
+        np.testing.assert_allclose(covariance, expected[np.triu_indices(4)], rtol=1e-7, atol=1e-12)
 
 
 @pytest.mark.parametrize(("tau", "rate"), [(0.1, 0.0), (1e4, 1e-6), (1e9, 0.3)])
@@ -371,11 +294,7 @@ def test_a_covariance_much_larger_than_the_noise_stays_positive_semidefinite(tau
             predicted = predict_covariance(covariance, *coefficients, 0.0)
             Sigma = predicted[0] + R
             assert Sigma >= R * (1 - 1e-9)
-            covariance = correct_covariance(
-                predicted,
-                *kalman_gain(predicted, Sigma),
-                R,
-            )
+            covariance = correct_covariance(predicted, *kalman_gain(predicted, Sigma), R)
             assert covariance[0] >= 0.0
             assert covariance[2] >= 0.0
 
@@ -383,12 +302,7 @@ def test_a_covariance_much_larger_than_the_noise_stays_positive_semidefinite(tau
 def test_probabilities_equal_enumeration_where_mixing_is_exact():
     # An object at rest, whose filters agree in all modes: only the transition matrix moves the
     # probabilities.
-    env = HybridTrackQuickestEnv(
-        speed=1e-9,
-        process_variance=0.0,
-        initial_error=0,
-        hazard=0.1,
-    )
+    env = HybridTrackQuickestEnv(speed=1e-9, process_variance=0.0, initial_error=0, hazard=0.1)
     env.reset(seed=1)
     start = (0.7, 0.2, 0.1)
     env.world.bank.hypotheses["log_probability"][0, :, 0] = np.log(start)
@@ -402,12 +316,7 @@ def test_probabilities_equal_enumeration_where_mixing_is_exact():
         total = [
             sum(p for history, p in histories.items() if history[-1] == mode) for mode in range(3)
         ]
-        np.testing.assert_allclose(
-            np.exp(info["log_probability"]),
-            total,
-            rtol=0,
-            atol=1e-8,
-        )
+        np.testing.assert_allclose(np.exp(info["log_probability"]), total, rtol=0, atol=1e-8)
 
 
 def test_probabilities_and_estimates_are_finite_after_outliers():

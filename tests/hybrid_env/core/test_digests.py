@@ -13,25 +13,15 @@ from hybrid_env import ENVIRONMENTS, HybridTrackQuickestVectorEnv, HybridTrackVe
 BANK = tuple(float(radius) for radius in range(1, 11))
 DIGESTS = [
     pytest.param(
-        {},
-        "56ca39acb9d6da25257db8524892229ded054f926e517dace08637971adb3bdc",
-        id="default",
+        {}, "56ca39acb9d6da25257db8524892229ded054f926e517dace08637971adb3bdc", id="default"
     ),
     pytest.param(
-        {
-            "measurement_variance": (0.05, 0.2),
-            "noise": "outliers 0.1",
-            "radii": (3.0, 8.0),
-        },
+        {"measurement_variance": (0.05, 0.2), "noise": "outliers 0.1", "radii": (3.0, 8.0)},
         "6b0be7f4e80051f30622a26d9e31733e51a7b1185a1192c0230fe45f7f35db4b",
         id="two noises, outliers",
     ),
     pytest.param(
-        {
-            "radii": BANK,
-            "correctness": "type",
-            "delay_cost": 0.01,
-        },
+        {"radii": BANK, "correctness": "type", "delay_cost": 0.01},
         "d9c5d8cf8949eaf7b00e39049668e40e0f0304c8adbf1062434a2b20b845aeed",
         id="21 hypotheses",
     ),
@@ -41,12 +31,7 @@ DIGESTS = [
         id="anchor-aware",
     ),
     pytest.param(
-        {
-            "bank": "anchor_aware",
-            "radii": BANK,
-            "correctness": "type",
-            "measurement_variance": 1.0,
-        },
+        {"bank": "anchor_aware", "radii": BANK, "correctness": "type", "measurement_variance": 1.0},
         "f842073c9338cbb8b7e9ca7165bb69fc174bd454627b04427bb9208eeda6cb30",
         id="anchor-aware, 21 hypotheses",
     ),
@@ -114,9 +99,7 @@ def test_observations_and_rewards_have_the_recorded_digest(options, digest):
 
 QUICKEST_DIGESTS = [
     pytest.param(
-        {},
-        "4bcac9d72774f4b61a2e9e1c7ec09628d72aeda690dfce7f3e838ecbd329df94",
-        id="default",
+        {}, "4bcac9d72774f4b61a2e9e1c7ec09628d72aeda690dfce7f3e838ecbd329df94", id="default"
     ),
     pytest.param(
         {

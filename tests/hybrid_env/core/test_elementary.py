@@ -36,28 +36,14 @@ def test_the_logarithm_is_accurate_to_two_units_in_the_last_place():
 
 def test_the_exponential_is_accurate_to_two_units_in_the_last_place():
     x = np.concatenate(
-        [
-            np.random.default_rng(2).uniform(
-                -700,
-                700,
-                50_000,
-            ),
-            np.linspace(-1, 1, 25_001),
-        ]
+        [np.random.default_rng(2).uniform(-700, 700, 50_000), np.linspace(-1, 1, 25_001)]
     )
     assert units(compiled(lambda x: np.array([exp(v) for v in x]))(x), np.exp(x)) <= 2
 
 
 def test_sine_and_cosine_are_accurate_for_large_angles():
     x = np.concatenate(
-        [
-            np.random.default_rng(3).uniform(
-                -1000,
-                1000,
-                50_000,
-            ),
-            np.linspace(-7, 7, 25_001),
-        ]
+        [np.random.default_rng(3).uniform(-1000, 1000, 50_000), np.linspace(-7, 7, 25_001)]
     )
     pairs = np.array(compiled(lambda x: [sine_cosine(v) for v in x])(x))
     for k, function in enumerate((np.sin, np.cos)):
@@ -83,12 +69,7 @@ def integers(state, count, bound):
 
 
 def seeded(seed):
-    return np.random.default_rng(seed).integers(
-        1,
-        2**64,
-        (4, LANES),
-        dtype=np.uint64,
-    )
+    return np.random.default_rng(seed).integers(1, 2**64, (4, LANES), dtype=np.uint64)
 
 
 def test_the_generator_gives_the_published_stream():

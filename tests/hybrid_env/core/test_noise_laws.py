@@ -27,9 +27,7 @@ DISTRIBUTIONS = [
 
 
 @pytest.mark.parametrize(
-    ("law", "distribution", "count"),
-    DISTRIBUTIONS,
-    ids=[case[0] for case in DISTRIBUTIONS],
+    ("law", "distribution", "count"), DISTRIBUTIONS, ids=[case[0] for case in DISTRIBUTIONS]
 )
 def test_errors_have_the_distribution_of_their_law(law, distribution, count):
     drawn, velocities = errors(law, count // 2)
@@ -43,8 +41,7 @@ def test_stable_errors_have_their_characteristic_function(index):
     # The standard error of a mean of cosines is below 1 / sqrt(n).
     for t in (0.1, 0.5, 1.0, 2.0):
         assert np.cos(t * drawn).mean() == pytest.approx(
-            np.exp(-(t**index)),
-            abs=4.0 / np.sqrt(drawn.size),
+            np.exp(-(t**index)), abs=4.0 / np.sqrt(drawn.size)
         )
 
 

@@ -19,13 +19,7 @@ from hybrid_env.checks import ArgumentError
 
 STUDY = pytest.param(3_000, marks=pytest.mark.study)
 ROWS = "".join(f"{k / 10},{k * 0.2:.3f},{(k % 7) * 0.1:.3f}\n" for k in range(30))
-FRAME = pd.DataFrame(
-    {
-        "t": np.arange(30.0),
-        "x": np.arange(30.0),
-        "y": np.sqrt(np.arange(30.0)),
-    }
-)
+FRAME = pd.DataFrame({"t": np.arange(30.0), "x": np.arange(30.0), "y": np.sqrt(np.arange(30.0))})
 PARQUET, ZIPPED = FRAME.to_parquet(), gzip.compress(ROWS.encode(), mtime=0)
 
 
@@ -93,11 +87,7 @@ def test_a_damaged_file_is_read_or_refused(read, kind, examples):
             assert recording.tick > 0.0
             assert "\n" not in file.summary
 
-    attack(
-        examples,
-        damaged(KINDS[kind]),
-        check,
-    )
+    attack(examples, damaged(KINDS[kind]), check)
 
 
 @pytest.mark.parametrize("text", ["[" * 20_000, "t,x" + " " * 9_000 + "[,y"])
@@ -125,11 +115,7 @@ def test_size_and_rows_are_bounded(read, tmp_path, monkeypatch):
         assert tracemalloc.get_traced_memory()[1] < 60_000_000
     finally:
         tracemalloc.stop()
-    monkeypatch.setattr(
-        files,
-        "LIMITS",
-        Limits(rows=29),
-    )
+    monkeypatch.setattr(files, "LIMITS", Limits(rows=29))
     with pytest.raises(ArgumentError, match="30 rows, at most 29"):
         read(PARQUET)
 
@@ -172,19 +158,8 @@ def test_texts_that_a_parquet_file_repeats_are_not_expanded(read):
     rows = np.arange(13_000.0)
     texts = pa.DictionaryArray.from_arrays(np.zeros(len(rows), np.int32), ["a" * 20_000])
     stream = pa.BufferOutputStream()
-    table = pa.table(
-        {
-            "t": rows,
-            "x": rows,
-            "y": rows,
-            "note": texts,
-        }
-    )
-    pyarrow.parquet.write_table(
-        table,
-        stream,
-        compression="zstd",
-    )
+    table = pa.table({"t": rows, "x": rows, "y": rows, "note": texts})
+    pyarrow.parquet.write_table(table, stream, compression="zstd")
     before = pa.total_allocated_bytes()
 
     assert len(read(stream.getvalue().to_pybytes()).recordings[0].times) == 13_000

@@ -8,17 +8,8 @@ from hybrid_env.checks import ArgumentError
 
 ROWS = 30
 T = np.arange(ROWS, dtype=np.float64)
-FRAME = pd.DataFrame(
-    {
-        "t": T,
-        "x": 1.5 * T,
-        "y": np.sqrt(T),
-    }
-)
-TWO = pd.concat(
-    [FRAME.assign(who="b"), FRAME.assign(who="a", x=FRAME.x + 50.0)],
-    ignore_index=True,
-)
+FRAME = pd.DataFrame({"t": T, "x": 1.5 * T, "y": np.sqrt(T)})
+TWO = pd.concat([FRAME.assign(who="b"), FRAME.assign(who="a", x=FRAME.x + 50.0)], ignore_index=True)
 TWO_NAMED = TWO.rename(columns={"who": "icao24"}).assign(callsign=["u", "v", "w"] * 20)
 OTHER = FRAME.set_axis(["Zeit", "Ost", "Nord"], axis=1)
 FEET = FRAME.rename(columns={"x": "x_ft", "y": "y_ft"})
@@ -38,24 +29,8 @@ def test_columns_are_found_by_name_in_any_order(read):
 @pytest.mark.parametrize(
     ("frame", "columns", "expected"),
     [
-        (
-            OTHER,
-            {
-                "t": "zeit",
-                "x": "Ost",
-                "y": "NORD",
-            },
-            FRAME[["x", "y"]],
-        ),
-        (
-            OTHER,
-            {
-                "time": "1",
-                "x": "2",
-                "y": "3",
-            },
-            FRAME[["x", "y"]],
-        ),
+        (OTHER, {"t": "zeit", "x": "Ost", "y": "NORD"}, FRAME[["x", "y"]]),
+        (OTHER, {"time": "1", "x": "2", "y": "3"}, FRAME[["x", "y"]]),
         (FRAME.assign(u=T, v=T), {"x": "v", "y": "u"}, np.column_stack([T, T])),
     ],
 )
@@ -94,11 +69,7 @@ def test_unmarked_objects_without_a_word_in_the_times(read, read_one):
     interleaved = TWO.sort_values("t", kind="stable").assign(t=np.arange(2.0 * ROWS))[
         ["t", "x", "y"]
     ]
-    interleaved[["x", "y"]] += np.random.default_rng(0).normal(
-        0.0,
-        0.5,
-        (2 * ROWS, 2),
-    )
+    interleaved[["x", "y"]] += np.random.default_rng(0).normal(0.0, 0.5, (2 * ROWS, 2))
     with pytest.raises(ArgumentError, match=rf"rows alternate between places.*{advice}"):
         read(interleaved)
 
@@ -109,31 +80,15 @@ def test_unmarked_objects_without_a_word_in_the_times(read, read_one):
 def test_one_object_is_not_taken_for_two(read_one, step, scale):
     generator = np.random.default_rng(1)
     rows = 300
-    heading = np.cumsum(
-        generator.normal(
-            0.0,
-            0.3,
-            rows,
-        )
-    )
+    heading = np.cumsum(generator.normal(0.0, 0.3, rows))
     track = step * np.cumsum(np.column_stack([np.cos(heading), np.sin(heading)]), axis=0)
-    track += generator.normal(
-        0.0,
-        1.0,
-        (rows, 2),
-    )
+    track += generator.normal(0.0, 1.0, (rows, 2))
     # Errors of the sensor.
     track[::20] += 30.0
     # Lost rows.
     track[150:] += 2.0 * step
     x, y = (scale * (track + 1000.0)).T
-    frame = pd.DataFrame(
-        {
-            "t": np.arange(rows),
-            "x": x,
-            "y": y,
-        }
-    )
+    frame = pd.DataFrame({"t": np.arange(rows), "x": x, "y": y})
 
     assert len(read_one(frame, unit="km").times) == rows
     # Mostly equal positions.

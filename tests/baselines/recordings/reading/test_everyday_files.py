@@ -7,13 +7,7 @@ import pytest
 ROWS = 120
 STEP = 2.5
 T = STEP * np.arange(ROWS)
-HEADING = np.cumsum(
-    np.where(
-        np.arange(ROWS) // 30 % 2 == 0,
-        0.0,
-        0.1,
-    )
-)
+HEADING = np.cumsum(np.where(np.arange(ROWS) // 30 % 2 == 0, 0.0, 0.1))
 X, Y = np.cumsum(30.0 * np.array([np.cos(HEADING), np.sin(HEADING)]), axis=1)
 LAT, LON = 47.25 + 9e-6 * Y, 9.3 + 13e-6 * X
 DATES = pd.Timestamp("2026-05-13T11:58:00") + pd.to_timedelta(T, unit="s")
@@ -37,12 +31,7 @@ def degrees(form):
     for values, letter in ((LAT, "N"), (LON, "E")):
         minutes, seconds = np.divmod(3600.0 * values, 60.0)
         whole, minutes = np.divmod(minutes, 60.0)
-        rows = zip(
-            whole.astype(int),
-            minutes.astype(int),
-            seconds,
-            strict=True,
-        )
+        rows = zip(whole.astype(int), minutes.astype(int), seconds, strict=True)
         texts.append([form.format(d=d, m=m, s=f"{s:.4f}", c=letter) for d, m, s in rows])
     return {"lat": texts[0], "lon": texts[1]}
 
@@ -80,11 +69,7 @@ CLOCKS = {
     "12 hours": {
         "time": [
             f"{text} {half}"
-            for text, half in zip(
-                dated("%m/%d/%Y %I:%M:%S.%f"),
-                dated("%p"),
-                strict=True,
-            )
+            for text, half in zip(dated("%m/%d/%Y %I:%M:%S.%f"), dated("%p"), strict=True)
         ]
     },
     "month": {"time": dated("%d-%b-%Y %H:%M:%S.%f")},
@@ -104,11 +89,7 @@ CLOCKS = {
     "German": {"Datum": dated("%d.%m.%Y"), "Uhrzeit": dated("%H:%M:%S.%f")},
     "Spanish": {"Fecha": dated("%d/%m/%Y"), "Hora": dated("%H:%M:%S.%f")},
     "dates of a clock that is set late": {
-        "time": np.where(
-            T < 20.0,
-            "1970-01-01T00:00:00.000",
-            dated("%Y-%m-%dT%H:%M:%S.%f"),
-        )
+        "time": np.where(T < 20.0, "1970-01-01T00:00:00.000", dated("%Y-%m-%dT%H:%M:%S.%f"))
     },
     "one ahead": {"timestamp": UNIX + 3600.0 * (T == 50.0)},
 }
@@ -129,13 +110,7 @@ def test_minutes_in_excel(read, minutes):
 
 
 def named(*names):
-    return dict(
-        zip(
-            names,
-            PLACE.values(),
-            strict=True,
-        )
-    )
+    return dict(zip(names, PLACE.values(), strict=True))
 
 
 PLACES = {
@@ -154,11 +129,7 @@ PLACES = {
     "GeoJSON": {
         "geometry": [
             f'{{"type": "Point", "coordinates": [{b:.7f}, {a:.7f}]}}'
-            for a, b in zip(
-                LAT,
-                LON,
-                strict=True,
-            )
+            for a, b in zip(LAT, LON, strict=True)
         ]
     },
     "pair": {"GPS": [f"{a:.7f} {b:.7f}" for a, b in zip(LAT, LON, strict=True)], "Alt": 4.0},
@@ -180,13 +151,7 @@ def test_places(read, place):
 
 
 def test_swapped_latitude_and_longitude(read):
-    frame = pd.DataFrame(
-        {
-            "time": T,
-            "lat": LON + 100.0,
-            "lon": LAT,
-        }
-    )
+    frame = pd.DataFrame({"time": T, "lat": LON + 100.0, "lon": LAT})
     file = read(frame)
     right = read(frame.rename(columns={"lat": "lon", "lon": "lat"}))
     np.testing.assert_array_equal(file.recordings[0].positions, right.recordings[0].positions)
@@ -199,24 +164,14 @@ def test_swapped_latitude_and_longitude(read):
 @pytest.mark.parametrize("plane", [False, True])
 def test_fills_in_place_of_positions(read, fill, plane):
     frame = (
-        pd.DataFrame(
-            {
-                "time": T,
-                "x": X + 800.0,
-                "y": Y + 400.0,
-            }
-        )
+        pd.DataFrame({"time": T, "x": X + 800.0, "y": Y + 400.0})
         if plane
         else pd.DataFrame({"time": T, **PLACE})
     )
     columns = list(frame.columns[1:])
     expected = read(frame[~LOST], unit="m").recordings[0]
     if isinstance(fill, tuple) and isinstance(fill[0], str):
-        frame[fill[0]] = np.where(
-            LOST,
-            fill[1],
-            "A" if fill[1] == "V" else 3,
-        )
+        frame[fill[0]] = np.where(LOST, fill[1], "A" if fill[1] == "V" else 3)
         frame.loc[LOST, columns] += 0.5
     elif isinstance(fill, tuple) and plane:
         pytest.skip("no angles")
@@ -226,11 +181,7 @@ def test_fills_in_place_of_positions(read, fill, plane):
     recording = read(frame, unit="m").recordings[0]
     measured = recording.measured
     assert measured.sum() == (~LOST).sum()
-    np.testing.assert_allclose(
-        recording.positions[measured],
-        expected.positions,
-        atol=1e-6,
-    )
+    np.testing.assert_allclose(recording.positions[measured], expected.positions, atol=1e-6)
 
 
 @pytest.mark.parametrize("rows", [5, 2])
@@ -240,16 +191,7 @@ def test_the_last_position_in_a_tunnel_is_no_measurement(read, rows):
     held[60:70] = 60
     if rows == 5:
         held = rows * (np.arange(ROWS) // rows)
-    [recording] = read(
-        pd.DataFrame(
-            {
-                "time": T,
-                "x": X[held],
-                "y": Y[held],
-            }
-        ),
-        unit="m",
-    ).recordings
+    [recording] = read(pd.DataFrame({"time": T, "x": X[held], "y": Y[held]}), unit="m").recordings
     np.testing.assert_array_equal(recording.times, T[np.unique(held, return_index=True)[1]])
 
 
@@ -292,12 +234,7 @@ def test_gpx_with_faults(read, fault):
     start = "<rte>" if fault == "route" else "<trk><name>A & B</name><trkseg>"
     points = [
         f'<{point} lat="{a:.7f}" lon="{b:.7f}"><time>{d.isoformat()}Z</time></{point}>'
-        for a, b, d in zip(
-            LAT,
-            LON,
-            DATES,
-            strict=True,
-        )
+        for a, b, d in zip(LAT, LON, DATES, strict=True)
     ]
     text = f'<?xml version="1.0" encoding="{"ISO-8859-1" if fault == "latin" else "UTF-8"}"?><gpx>'
     text = "\n" * (fault == "blank") + text + start + "\n".join(points) + end
@@ -313,12 +250,7 @@ def test_gpx_with_faults(read, fault):
 
 @pytest.mark.parametrize("kind", ["SBS", "PLT"])
 def test_files_whose_columns_have_no_names(read, kind):
-    rows = zip(
-        LAT,
-        LON,
-        DATES,
-        strict=True,
-    )
+    rows = zip(LAT, LON, DATES, strict=True)
     if kind == "SBS":
         lines = [
             f"MSG,3,1,1,4B1815,1,{d:%Y/%m/%d},{d:%H:%M:%S}.{d.microsecond // 1000:03d},,,,3000,,,"

@@ -13,22 +13,12 @@ from baselines.recordings.reading.read import read_recordings
 @pytest.mark.parametrize(("digits", "error"), [(0, 1.4), (3, 0.0014)])
 def test_positions_have_the_digits_of_the_log(digits, error):
     _, positions, altitudes = fly(0)
-    log = parse_igc(
-        "log",
-        write_log(
-            positions,
-            altitudes,
-            digits=digits,
-        ),
-    )
+    log = parse_igc("log", write_log(positions, altitudes, digits=digits))
     projected = PROJECTION.forward(log.latitudes, log.longitudes)
 
     assert 0.4 * error < np.abs(projected - positions).max() < error
     assert log.step == pytest.approx(1.853 / 10**digits, rel=1e-3)
-    np.testing.assert_array_equal(
-        log.times,
-        43_200.0 + np.arange(len(positions)),
-    )
+    np.testing.assert_array_equal(log.times, 43_200.0 + np.arange(len(positions)))
     assert np.abs(log.altitudes - altitudes).max() <= 0.5
 
 
@@ -74,16 +64,7 @@ def with_clock(first, end, seconds):
 @pytest.mark.parametrize("seconds", [11 * 3600, -600])
 @pytest.mark.parametrize(("first", "end"), [(50, 53), (117, 120), (0, 3)])
 def test_a_few_positions_with_a_wrong_clock_do_not_take_others_along(first, end, seconds):
-    log = parse_igc(
-        "log",
-        log_at(
-            with_clock(
-                first,
-                end,
-                seconds,
-            )
-        ),
-    )
+    log = parse_igc("log", log_at(with_clock(first, end, seconds)))
     assert set(CLOCK) - set(CLOCK[first:end]) <= set(log.times)
     # As before and after a gap.
     apart = (first == 0 and seconds < 0) or (end == 120 and seconds > 0)
@@ -94,22 +75,9 @@ def test_a_few_positions_with_a_wrong_clock_do_not_take_others_along(first, end,
 @pytest.mark.parametrize("hours", [-2, 11])
 def test_a_clock_that_is_set_begins_a_new_piece_with_all_positions(hours):
     seconds = round(3600 * hours)
-    log = parse_igc(
-        "log",
-        log_at(
-            with_clock(
-                60,
-                120,
-                seconds,
-            )
-        ),
-    )
+    log = parse_igc("log", log_at(with_clock(60, 120, seconds)))
 
     assert (len(log.times), log.left_out, log.set_back) == (120, 0, int(hours < 0))
-    steps = np.where(
-        np.arange(119) == 59,
-        seconds % 86_400 + 1,
-        1,
-    )
+    steps = np.where(np.arange(119) == 59, seconds % 86_400 + 1, 1)
     np.testing.assert_array_equal(np.diff(log.times), steps)
     assert ("set back" in "".join(log.notes)) == (hours < 0)

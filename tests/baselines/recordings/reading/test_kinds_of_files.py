@@ -14,27 +14,10 @@ from hybrid_env.checks import ArgumentError
 
 ROWS = 40
 TIMES = 0.25 * np.arange(ROWS)
-X, Y = np.cumsum(
-    np.random.default_rng(0).normal(
-        0.3,
-        0.1,
-        (2, ROWS),
-    ),
-    axis=1,
-)
-FRAME = pd.DataFrame(
-    {
-        "t": TIMES,
-        "x": X,
-        "y": Y,
-    }
-)
+X, Y = np.cumsum(np.random.default_rng(0).normal(0.3, 0.1, (2, ROWS)), axis=1)
+FRAME = pd.DataFrame({"t": TIMES, "x": X, "y": Y})
 PLANE = FRAME[["x", "y"]]
-DATES = pd.date_range(
-    "2024-05-01T10:00:00",
-    periods=ROWS,
-    freq="250ms",
-)
+DATES = pd.date_range("2024-05-01T10:00:00", periods=ROWS, freq="250ms")
 TEXT = FRAME.map(repr)
 
 
@@ -47,9 +30,7 @@ def check(read):
         [recording] = file.recordings
         np.testing.assert_array_equal(recording.positions, PLANE)
         np.testing.assert_allclose(
-            recording.times,
-            np.arange(ROWS) if times is None else times,
-            atol=1e-9,
+            recording.times, np.arange(ROWS) if times is None else times, atol=1e-9
         )
         assert recording.time_unit == ("ticks" if times is None else "s")
         assert recording.pieces == ((0, ROWS),)
@@ -89,13 +70,7 @@ def test_what_pandas_writes(check, ending, separator, index, compressed):
         (PLANE.set_index(DATES).to_csv(), {}, "dates from 2024-05-01T10:00:00Z"),
         (
             PLANE.set_index(pd.Index(TIMES)).to_csv(),
-            {
-                "columns": {
-                    "time": "1",
-                    "x": "x",
-                    "y": "y",
-                }
-            },
+            {"columns": {"time": "1", "x": "x", "y": "y"}},
             "",
         ),
         (PLANE.to_csv(), {"times": None}, "index column taken as ticks"),
@@ -107,17 +82,7 @@ def test_what_pandas_writes(check, ending, separator, index, compressed):
             {"times": None},
             "no header: columns taken as x, y",
         ),
-        (
-            FRAME.to_csv(header=False),
-            {
-                "columns": {
-                    "t": "2",
-                    "x": "3",
-                    "y": "4",
-                }
-            },
-            "",
-        ),
+        (FRAME.to_csv(header=False), {"columns": {"t": "2", "x": "3", "y": "4"}}, ""),
         (
             FRAME.map(lambda value: str(value).replace(".", ",")).to_csv(quoting=1),
             {},
@@ -128,17 +93,7 @@ def test_what_pandas_writes(check, ending, separator, index, compressed):
         (TEXT.to_string(index=False, header=False) + "\n", {"name": "walk.txt"}, "no header"),
         # A delimiter at the end of each row.
         (FRAME.to_csv(index=False).replace("\n", ",\n"), {}, ""),
-        (
-            FRAME.to_csv(index=False)
-            .replace("\n", ",\n")
-            .replace(
-                "y,",
-                "y",
-                1,
-            ),
-            {},
-            "",
-        ),
+        (FRAME.to_csv(index=False).replace("\n", ",\n").replace("y,", "y", 1), {}, ""),
         (parquet(FRAME), {"name": "walk.parquet"}, ""),
         (gzip.compress(parquet(FRAME)), {"name": "walk.parquet"}, ""),
         (parquet(FRAME.assign(t=DATES).set_index("t")), {"name": "walk.parquet"}, "dates"),
@@ -154,21 +109,12 @@ def test_times_header_and_index(check, content, options, said):
     ("encoding", "end"), [("utf-8-sig", "\r\n"), ("utf-16", "\n"), ("cp1252", "\r")]
 )
 def test_export_of_a_spreadsheet(check, encoding, end):
-    frame = FRAME.rename(
-        columns={
-            "t": "Time (s)",
-            "x": "X [km]",
-            "y": "Y [km]",
-        }
-    ).assign(Höhe="tief")
+    frame = FRAME.rename(columns={"t": "Time (s)", "x": "X [km]", "y": "Y [km]"}).assign(
+        Höhe="tief"
+    )
     text = frame.to_csv(sep=";", decimal=",", lineterminator=end) + f";;;;{end}" * 3
     summary = check(("sep=;" + end + text).encode(encoding))
-    for said in (
-        " km; ",
-        "decimal comma",
-        "empty rows (3)",
-        "columns not used: Höhe",
-    ):
+    for said in (" km; ", "decimal comma", "empty rows (3)", "columns not used: Höhe"):
         assert said in summary
 
     assert ("Windows-1252" in summary) == (encoding == "cp1252")
@@ -180,10 +126,7 @@ def test_what_numpy_writes(check, header, delimiter):
     lines = header.split("\n")
     stream = io.StringIO()
     np.savetxt(
-        stream,
-        FRAME,
-        header="\n".join(lines[::-1]).replace(", ", delimiter),
-        delimiter=delimiter,
+        stream, FRAME, header="\n".join(lines[::-1]).replace(", ", delimiter), delimiter=delimiter
     )
     summary = check(stream.getvalue(), name="walk.txt")
 
@@ -204,14 +147,7 @@ POINT = (
 
 def segment(rows, times=True):
     time = "<time>2024-05-01T10:00:{:02d}Z</time>" if times else ""
-    points = [
-        POINT.format(
-            55.75 + 2e-5 * k,
-            37.6 + 1e-5 * k,
-            time.format(k),
-        )
-        for k in rows
-    ]
+    points = [POINT.format(55.75 + 2e-5 * k, 37.6 + 1e-5 * k, time.format(k)) for k in rows]
     return f"<trkseg>{''.join(points)}</trkseg>"
 
 
@@ -227,16 +163,9 @@ def test_gpx_of_a_watch(read, read_one):
     )
     # A segment begins where reception was lost.
     assert recording.pieces == ((0, 20), (20, 35))
-    np.testing.assert_array_equal(
-        recording.times,
-        [*range(20), *range(25, 40)],
-    )
+    np.testing.assert_array_equal(recording.times, [*range(20), *range(25, 40)])
     steps = np.diff(recording.positions[:20], axis=0)
-    np.testing.assert_allclose(
-        steps,
-        [[0.628, 2.227]] * 19,
-        rtol=2e-3,
-    )
+    np.testing.assert_allclose(steps, [[0.628, 2.227]] * 19, rtol=2e-3)
     assert "degrees projected to metres around 55.75" in file.summary
     assert len(read_one(b"\xef\xbb\xbf" + content.encode()).times) == 35
 
@@ -252,11 +181,7 @@ def test_gpx_without_times_and_with_two_tracks(read, read_one):
         read(GPX.format(""))
 
 
-NUMBERS = st.floats(
-    -1e9,
-    1e9,
-    allow_subnormal=False,
-) | st.integers(-1000, 1000).map(float)
+NUMBERS = st.floats(-1e9, 1e9, allow_subnormal=False) | st.integers(-1000, 1000).map(float)
 CELLS = NUMBERS | st.just(float("nan"))
 
 
@@ -265,54 +190,21 @@ def frames(draw):
     """Rows of increasing times and positions with missing ones; at least two are measured."""
     rows = draw(st.integers(2, 12))
     times = sorted(
-        draw(
-            st.sets(
-                st.floats(
-                    -1e5,
-                    1e5,
-                    allow_subnormal=False,
-                ),
-                min_size=rows,
-                max_size=rows,
-            )
-        )
+        draw(st.sets(st.floats(-1e5, 1e5, allow_subnormal=False), min_size=rows, max_size=rows))
     )
-    cells = draw(
-        st.lists(
-            st.tuples(CELLS, CELLS),
-            min_size=rows,
-            max_size=rows,
-        )
-    )
+    cells = draw(st.lists(st.tuples(CELLS, CELLS), min_size=rows, max_size=rows))
     positions = np.array([*draw(st.tuples(*[st.tuples(NUMBERS, NUMBERS)] * 2)), *cells][:rows])
     return pd.DataFrame(
-        {
-            "time": times,
-            "x": positions[:, 0],
-            "y": positions[:, 1],
-            "note": "a b, c; d\te|f '\"",
-        }
+        {"time": times, "x": positions[:, 0], "y": positions[:, 1], "note": "a b, c; d\te|f '\""}
     )
 
 
-@pytest.mark.parametrize(
-    "examples",
-    [60, pytest.param(5_000, marks=pytest.mark.study)],
-)
+@pytest.mark.parametrize("examples", [60, pytest.param(5_000, marks=pytest.mark.study)])
 def test_what_pandas_writes_is_read_bit_for_bit(read_one, examples):
     @profile(examples)
     @given(
         frames(),
-        st.sampled_from(
-            [
-                (",", "."),
-                ("\t", "."),
-                (";", "."),
-                (";", ","),
-                ("\t", ","),
-                ("|", "."),
-            ]
-        ),
+        st.sampled_from([(",", "."), ("\t", "."), (";", "."), (";", ","), ("\t", ","), ("|", ".")]),
         st.booleans(),
         st.sampled_from(["utf-8", "utf-8-sig", "utf-16"]),
         st.sampled_from(["\n", "\r\n"]),
@@ -323,17 +215,10 @@ def test_what_pandas_writes_is_read_bit_for_bit(read_one, examples):
         content = parquet(frame[order])
         if kind == "csv":
             text = frame[order].to_csv(
-                sep=marks[0],
-                decimal=marks[1],
-                index=index,
-                lineterminator=end,
+                sep=marks[0], decimal=marks[1], index=index, lineterminator=end
             )
             content = text.encode(encoding)
-        recording = read_one(
-            content,
-            object_column="none",
-            unit="m",
-        )
+        recording = read_one(content, object_column="none", unit="m")
         expected = frame[["x", "y"]].to_numpy(copy=True)
         expected[np.isnan(expected).any(axis=1)] = np.nan
         np.testing.assert_array_equal(recording.positions, expected)

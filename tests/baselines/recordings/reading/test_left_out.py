@@ -10,26 +10,10 @@ from hybrid_env.checks import ArgumentError
 
 ROWS = 200
 T = np.arange(ROWS, dtype=np.float64)
-HEADING = np.cumsum(
-    np.where(
-        (T // 40) % 2 == 0,
-        0.0,
-        0.1,
-    )
-)
+HEADING = np.cumsum(np.where((T // 40) % 2 == 0, 0.0, 0.1))
 TRACK = np.cumsum(1.5 * np.column_stack([np.cos(HEADING), np.sin(HEADING)]), axis=0)
-TRACK += np.random.default_rng(0).normal(
-    0.0,
-    0.2,
-    (ROWS, 2),
-)
-FRAME = pd.DataFrame(
-    {
-        "time": T,
-        "x": TRACK[:, 0],
-        "y": TRACK[:, 1],
-    }
-)
+TRACK += np.random.default_rng(0).normal(0.0, 0.2, (ROWS, 2))
+FRAME = pd.DataFrame({"time": T, "x": TRACK[:, 0], "y": TRACK[:, 1]})
 LINES = FRAME.round(3).to_csv(index=False).splitlines()
 GRID = np.column_stack([47.0 + 9e-6 * TRACK[:, 1], 8.0 + 13e-6 * TRACK[:, 0]])
 START = pd.Timestamp("2026-05-01T23:59:00")
@@ -91,13 +75,7 @@ def test_rows_out_of_order_are_sorted(read):
 
 
 def test_a_clock_that_is_set_back_begins_a_new_piece(read):
-    frame = FRAME.assign(
-        time=np.where(
-            T < 120,
-            T,
-            T - 3600.0,
-        )
-    )
+    frame = FRAME.assign(time=np.where(T < 120, T, T - 3600.0))
     file = read(frame)
     assert file.recordings[0].pieces == ((0, 120), (120, ROWS))
     np.testing.assert_array_equal(file.recordings[0].positions, TRACK)
@@ -135,30 +113,9 @@ def test_an_object_that_cannot_be_tracked_does_not_cost_the_others(read):
 def test_positions_that_a_stale_source_repeats(read, scale, column):
     """A source gives the last position until it has a new one, after 3 to 8 rows."""
     rng = np.random.default_rng(1)
-    fresh = np.unique(
-        np.cumsum(
-            rng.integers(
-                3,
-                9,
-                ROWS,
-            )
-        ).clip(0, ROWS - 1)
-    )
-    last = fresh[
-        np.searchsorted(
-            fresh,
-            np.arange(fresh[0], ROWS),
-            side="right",
-        )
-        - 1
-    ]
-    frame = pd.DataFrame(
-        {
-            "time": scale * T[fresh[0] :],
-            "x": TRACK[last, 0],
-            "y": TRACK[last, 1],
-        }
-    )
+    fresh = np.unique(np.cumsum(rng.integers(3, 9, ROWS)).clip(0, ROWS - 1))
+    last = fresh[np.searchsorted(fresh, np.arange(fresh[0], ROWS), side="right") - 1]
+    frame = pd.DataFrame({"time": scale * T[fresh[0] :], "x": TRACK[last, 0], "y": TRACK[last, 1]})
     if column:
         frame["time_position"] = scale * T[last]
     [recording] = read(frame).recordings
@@ -167,22 +124,8 @@ def test_positions_that_a_stale_source_repeats(read, scale, column):
 
 
 def test_an_object_that_stands_still_and_rounded_positions_are_no_stale_source(read):
-    still = np.concatenate(
-        [
-            TRACK[:80],
-            np.repeat(
-                TRACK[80:81],
-                60,
-                axis=0,
-            ),
-            TRACK[81:141],
-        ]
-    )
-    standing = FRAME.assign(
-        time=T,
-        x=still[:, 0],
-        y=still[:, 1],
-    )
+    still = np.concatenate([TRACK[:80], np.repeat(TRACK[80:81], 60, axis=0), TRACK[81:141]])
+    standing = FRAME.assign(time=T, x=still[:, 0], y=still[:, 1])
     coarse = FRAME.assign(x=np.round(TRACK[:, 0] / 4.0) * 4.0, y=0.0)
     for frame in (standing, coarse):
         assert len(read(frame, unit="m").recordings[0].times) == ROWS
@@ -211,11 +154,7 @@ def positions_of(read, **columns):
     ],
 )
 def test_forms_of_degrees(read, form):
-    expected = positions_of(
-        read,
-        time=T,
-        **DEGREES,
-    )
+    expected = positions_of(read, time=T, **DEGREES)
     lat, lon = -GRID[:, 0], -GRID[:, 1]
     more = {}
     columns = ("lat", "lon")
@@ -242,41 +181,11 @@ def test_forms_of_degrees(read, form):
     elif form == "comma":
         cells = [[f"{v:.9f}".replace(".", ",") for v in values] for values in (lat, lon)]
     else:
-        cells = (
-            np.where(
-                T == 7,
-                0.0,
-                lat,
-            ),
-            np.where(
-                T == 7,
-                0.0,
-                lon,
-            ),
-        )
-        expected = np.delete(
-            expected,
-            7,
-            axis=0,
-        )
-    found = positions_of(
-        read,
-        time=T,
-        **dict(
-            zip(
-                columns,
-                cells,
-                strict=True,
-            )
-        ),
-        **more,
-    )
+        cells = (np.where(T == 7, 0.0, lat), np.where(T == 7, 0.0, lon))
+        expected = np.delete(expected, 7, axis=0)
+    found = positions_of(read, time=T, **dict(zip(columns, cells, strict=True)), **more)
     # South and west are mirror images of north and east.
-    np.testing.assert_allclose(
-        np.diff(found, axis=0),
-        -np.diff(expected, axis=0),
-        atol=0.03,
-    )
+    np.testing.assert_allclose(np.diff(found, axis=0), -np.diff(expected, axis=0), atol=0.03)
 
 
 @pytest.mark.parametrize(
@@ -294,22 +203,14 @@ def test_a_date_beside_the_time_of_day(read, date, clock):
     """Also across midnight."""
     frame = FRAME.assign(Date=DATES.strftime(date), time=DATES.strftime(clock))
     [recording] = read(frame).recordings
-    np.testing.assert_allclose(
-        recording.times,
-        T,
-        atol=1e-6,
-    )
+    np.testing.assert_allclose(recording.times, T, atol=1e-6)
     assert recording.epoch == "2026-05-01T23:59:00Z"
 
 
 @pytest.mark.parametrize("form", ["%d/%m/%Y %H:%M:%S", "%m/%d/%Y %I:%M:%S %p", "%H:%M:%S"])
 def test_dates_of_other_orders_and_midnight(read, form):
     [recording] = read(FRAME.assign(time=DATES.strftime(form))).recordings
-    np.testing.assert_allclose(
-        np.diff(recording.times),
-        1.0,
-        atol=1e-6,
-    )
+    np.testing.assert_allclose(np.diff(recording.times), 1.0, atol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -355,11 +256,7 @@ def test_thousands_by_option(read):
     with pytest.raises(ArgumentError, match=r"x='5,00.*--thousands"):
         read(frame.to_csv(index=False, sep=";"))
     [recording] = read(frame.to_csv(index=False, sep=";"), thousands=",").recordings
-    np.testing.assert_allclose(
-        recording.positions[:, 0],
-        TRACK[:, 0] + 5000.0,
-        atol=1e-3,
-    )
+    np.testing.assert_allclose(recording.positions[:, 0], TRACK[:, 0] + 5000.0, atol=1e-3)
 
 
 def test_the_finest_of_several_columns_of_times(read):

@@ -8,13 +8,7 @@ from hybrid_env.checks import ArgumentError
 
 ROWS = 4000
 # Turns, seen from all sides: azimuths go over 360 degrees.
-HEADING = np.cumsum(
-    np.where(
-        np.arange(ROWS) // 60 % 2 == 0,
-        0.0,
-        0.04,
-    )
-)
+HEADING = np.cumsum(np.where(np.arange(ROWS) // 60 % 2 == 0, 0.0, 0.04))
 PATH = np.cumsum(np.column_stack([np.sin(HEADING), np.cos(HEADING)]), axis=0)
 PATH = PATH - PATH.mean(axis=0)
 
@@ -38,12 +32,7 @@ def polar(step, tick, range_deviation, azimuth_deviation):
     [(480.0, 4.0, 28.0, 0.21), (0.4, 0.1, 0.03, 0.9)],
 )
 def test_standard_deviations_are_found(read, step, tick, range_deviation, azimuth_deviation):
-    frame = polar(
-        step,
-        tick,
-        range_deviation,
-        azimuth_deviation,
-    )
+    frame = polar(step, tick, range_deviation, azimuth_deviation)
     assert np.abs(np.diff(frame.azimuth)).max() > 350.0
     # Rows of another object between them.
     both = pd.concat([frame.assign(id="a"), frame.assign(id="b", range=frame.range + 9.0 * step)])
@@ -62,20 +51,8 @@ def test_standard_deviations_are_found(read, step, tick, range_deviation, azimut
 
 
 def test_other_positions_come_first_and_rounded_ranges_need_the_option(read):
-    frame = polar(
-        480.0,
-        4.0,
-        28.0,
-        0.21,
-    )
-    [recording] = read(
-        frame.assign(
-            x=frame.time,
-            y=1.0,
-            distance=2.0,
-            rng=3.0,
-        )
-    ).recordings
+    frame = polar(480.0, 4.0, 28.0, 0.21)
+    [recording] = read(frame.assign(x=frame.time, y=1.0, distance=2.0, rng=3.0)).recordings
     assert recording.radar is None
     with pytest.raises(ArgumentError, match=r"standard deviations are not seen.*--radar"):
         read(frame.assign(range=(frame.range / 5e3).round() * 5e3))

@@ -20,13 +20,7 @@ def read_times(read):
     """Return a function that reads a file with cells in the column of times."""
 
     def read_times(cells, name="t", **options):
-        frame = pd.DataFrame(
-            {
-                name: cells,
-                "x": POSITIONS[:, 0],
-                "y": POSITIONS[:, 1],
-            }
-        )
+        frame = pd.DataFrame({name: cells, "x": POSITIONS[:, 0], "y": POSITIONS[:, 1]})
         file = read(frame.to_csv(index=False, sep=";"), **options)
         return file.recordings[0], file.summary
 
@@ -61,11 +55,7 @@ def test_forms_of_times(read_times, form):
     recording, summary = read_times(cells, name)
     offset = 36_000.0 if form == "time of day" else 7.0 if start is None else 0.0
 
-    np.testing.assert_allclose(
-        recording.times,
-        SECONDS + offset,
-        atol=1e-6,
-    )
+    np.testing.assert_allclose(recording.times, SECONDS + offset, atol=1e-6)
     assert recording.epoch == (None if start is None else f"{start.isoformat()}Z")
     assert recording.time_unit == "s"
     assert "tick 0.25 s" in summary
@@ -84,18 +74,8 @@ def test_the_format_or_unit_of_the_caller(read_times):
 def test_missing_rows_and_gaps(read, read_one):
     times = np.delete(SECONDS, [3, 4])
     times[20:] += 6.0
-    positions = np.delete(
-        POSITIONS,
-        [3, 4],
-        axis=0,
-    )
-    frame = pd.DataFrame(
-        {
-            "t": times,
-            "x": positions[:, 0],
-            "y": positions[:, 1],
-        }
-    )
+    positions = np.delete(POSITIONS, [3, 4], axis=0)
+    frame = pd.DataFrame({"t": times, "x": positions[:, 0], "y": positions[:, 1]})
     frame.loc[[0, 7, 8, 19], "x"] = np.nan
 
     assert "4 rows without a position; 2 pieces between gaps" in read(frame).summary
@@ -109,18 +89,12 @@ def test_missing_rows_and_gaps(read, read_one):
 
 def test_recording_of_arrays():
     recording = make_recording(
-        None,
-        [[0.0, 1.0], [np.nan, 5.0], [2.0, 2.0], [4.0, 3.0]],
-        breaks=[3],
+        None, [[0.0, 1.0], [np.nan, 5.0], [2.0, 2.0], [4.0, 3.0]], breaks=[3]
     )
     np.testing.assert_array_equal(recording.times, [0, 1, 2, 3])
     assert recording.pieces == ((0, 3), (3, 4))
     assert not recording.positions.flags.writeable
-    assert make_recording(
-        [3, 4, 6],
-        np.ones((3, 2)),
-        gap=1.5,
-    ).pieces == ((0, 2), (2, 3))
+    assert make_recording([3, 4, 6], np.ones((3, 2)), gap=1.5).pieces == ((0, 2), (2, 3))
 
 
 def clock_cells(seconds, prefix=""):
@@ -135,10 +109,6 @@ def clock_cells(seconds, prefix=""):
 def test_times_of_day_as_numbers_are_not_taken_for_seconds(read_times, step, prefix):
     recording, summary = read_times(clock_cells(3.0 * step * np.arange(ROWS), prefix), "TIME")
     # Numbers of 14 digits.
-    np.testing.assert_allclose(
-        np.diff(recording.times),
-        3.0 * step,
-        atol=0.01,
-    )
+    np.testing.assert_allclose(np.diff(recording.times), 3.0 * step, atol=0.01)
     kind = "dates from 2026-05-01" if prefix else "hours, minutes and seconds (HHMMSS)"
     assert kind in summary
