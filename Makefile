@@ -10,7 +10,7 @@ compare: $(INSTALLED)
 	$(BIN)/hybridtrack compare $(ARGS)
 
 test: lint types
-	$(BIN)/python -m pytest -n auto --maxprocesses 8 $(ARGS)
+	$(BIN)/python -m pytest -n auto --maxprocesses 8 --dist worksteal $(ARGS)
 
 lint: $(INSTALLED)
 	$(BIN)/ruff check .
@@ -23,12 +23,12 @@ types: $(INSTALLED)
 
 # every study in its quick form, and the tests of the studies
 studies: $(INSTALLED)
-	$(BIN)/python -m pytest studies -n auto --maxprocesses 8 $(ARGS)
+	$(BIN)/python -m pytest studies -n auto --maxprocesses 8 --dist worksteal $(ARGS)
 
 # long statistical tests and attacks, then the quick tests with every index of compiled code checked
 study: $(INSTALLED)
 	$(BIN)/python -m pytest -m study -n auto --maxprocesses 8 --dist worksteal --durations 30 $(ARGS)
-	NUMBA_BOUNDSCHECK=1 NUMBA_CACHE_DIR=$(CURDIR)/$(VENV)/checked $(BIN)/python -m pytest -n auto --maxprocesses 8 $(ARGS)
+	NUMBA_BOUNDSCHECK=1 NUMBA_CACHE_DIR=$(CURDIR)/$(VENV)/checked $(BIN)/python -m pytest -n auto --maxprocesses 8 --dist worksteal $(ARGS)
 
 # lines of the three packages that the quick tests run; compiled functions are left out
 coverage: $(INSTALLED)

@@ -92,7 +92,7 @@ def _begin(
         P: (7, 7) its covariance.
         curvature: of the mode, see `Segments`.
         acceleration: of the mode, likewise.
-        speed: of a turn if the estimate does not tell it [m/s], else 0.
+        speed: of a turn if the estimate does not tell it, as after a stop [m/s].
 
     Returns:
         State (7,), covariance (7, 7), and the matrix (7, 7) of the state by that before.
@@ -106,8 +106,11 @@ def _begin(
     if math.isnan(acceleration):
         begun[4:6] = x[2:4]
         J[4:6, 2:4] = np.eye(2)
-        begun[6] = curvature * max(known, speed)
-        J[6, 2:4] = curvature * along * (speed == 0.0)
+        if P[2, 2] + P[3, 3] < known**2:
+            begun[6] = curvature * known
+            J[6, 2:4] = curvature * along
+        else:
+            begun[6] = curvature * speed
     else:
         # Bounded as in `anchor_aware.begin_hypothesis`.
         slope = acceleration / max(known, math.sqrt(P[2, 2] + P[3, 3]), 1e-12)
@@ -135,7 +138,7 @@ def _filter(
         noises: (T, 3) their covariances xx, xy, yy [m^2].
         first: number of the first tick of the block.
         segments: of the whole track.
-        speed: as in `_begin`, of the first segment.
+        speed: as in `_begin`.
         freedom: of Student's t errors; 0 is normal ones.
         memory: its first rows have state and covariance before the block.
     """
@@ -148,7 +151,7 @@ def _filter(
         J = np.eye(STATES)
         if segments.begins[first + k]:
             curvature, acceleration = segments.curvatures[place], segments.accelerations[place]
-            x, P, J = _begin(x, P, curvature, acceleration, speed if first + k == 0 else 0.0)
+            x, P, J = _begin(x, P, curvature, acceleration, speed)
         A[:6, :6] = segments.F[place]
         slope = segments.slopes[place] @ x[:6]
         A[:6, 6] = slope
@@ -258,8 +261,8 @@ def smooth_pieces(
     motions: AnyArray,
     tau: float,
     process_variance: float,
+    speed: float,
     drift_variance: float = 0.0,
-    speed: float = 0.0,
     freedom: float = 0.0,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return estimates (T, 4) [x, vx, y, vy], covariances (T, 4, 4) and turns (T, 4), see
@@ -273,8 +276,8 @@ def smooth_pieces(
         motions: (M,) records `MOTION`.
         tau: length of a tick [s].
         process_variance: Q [m^2/s^2], of straight motion and turns.
-        drift_variance: of the drift of the measured positions [m^2], likewise.
-        speed: of the object [m/s] if the start does not tell it, else 0.
+        speed: usual one of the object [m/s], of turns after a stop or an unknown start.
+        drift_variance: of the drift of the measured positions [m^2], as Q.
         freedom: of Student's t errors; 0 is normal ones.
     """
     ticks = len(measurements)

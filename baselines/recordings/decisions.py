@@ -15,6 +15,10 @@ from hybrid_env.checks import BoolArray, FloatArray, IntArray
 from hybrid_env.compiled import MOST_RATES
 from hybrid_env.sensors import Fused
 
+# By which modes are decided, of a process noise that was found: this also covers brakes, and turns
+# that begin gradually. Chosen for simulated objects with both.
+PROCESS_SHARE = 0.3
+
 
 class RowDecisions(NamedTuple):
     """Decisions at the n rows of a piece between gaps, in the units of the recording. In `pieces`,
@@ -68,7 +72,7 @@ def smooth_piece(
         values = np.hstack([values, noises, rates])
     known = None if start is None else units.start(start, np.zeros((4, 4)))
     switches = np.cumsum([0, *lengths[:-1]]).tolist() if lengths else None
-    result = smooth_modes(values, options, known, switches)
+    result = smooth_modes(values, options, known, switches, process_share=PROCESS_SHARE)
     ticks = piece.ticks
     estimates, covariances = units.moments(result.estimates[ticks], result.covariances[ticks])
     estimates[:, ::2] += piece.late[:, None] * estimates[:, 1::2]

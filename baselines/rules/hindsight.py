@@ -1,6 +1,7 @@
 """Modes and estimates of a whole recording, each from all of its measurements."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -30,6 +31,8 @@ HEADINGS = 8
 # Rows that a change of the mode costs. A piece between two of one mode is worth it if it makes more
 # than twice as many rows right; a piece between two other modes has three rows or more.
 CHANGE_COST = 2.0
+# Share of its usual speed below which an object that may stop stands, also while it brakes.
+STANDS = 0.3
 # Probability outside of the interval of a moment, on each side.
 OUTSIDE = 0.025
 
@@ -38,7 +41,9 @@ class SmoothedModes(NamedTuple):
     """What T measurements say about M modes, K pieces of one mode, and the object.
 
     Attributes:
-        modes: (T,) those with the largest expected number of right rows, less 2 for each change.
+        modes: (T,) those with the largest expected number of right rows, less 2 for each change. If
+            one of them is a stop, it is also that of rows whose smoothed speed is below .3 of the
+            usual one.
         probabilities: (T, M) of the modes.
         pieces: (K, 3) first tick, end and mode of the pieces.
         moments: (K, 2) first and last tick of the interval that holds the begin of a piece with a
@@ -65,6 +70,7 @@ def smooth_modes(
     start: Moments | None = None,
     switches: Sequence[int] | None = None,
     branches: int | None = None,
+    process_share: float = 1.0,
 ) -> SmoothedModes:
     """Decide the modes of a whole recording at uniform ticks, and smooth its estimates.
 
@@ -79,6 +85,8 @@ def smooth_modes(
             if they are not known.
         branches: largest number of segments that are followed at a tick; None is that of
             `BeamDecider`.
+        process_share: share of the process noise by which modes are decided. Below 1 if it also
+            covers motion that no mode has, such as brakes, and so hides where a turn begins.
 
     >>> from hybrid_env import simulate
     >>> seen = simulate("S60 L60r5", seed=1, measurement_variance=0.01).measurements[0]
@@ -99,7 +107,8 @@ def smooth_modes(
     freedom = 0.0
     if isinstance(options.likelihood, StudentNoise):
         freedom = float(options.likelihood.freedom)
-    decider = BeamDecider(options, branches=branches)
+    process_variance = process_share * options.process_variance
+    decider = BeamDecider(replace(options, process_variance=process_variance), branches=branches)
     model = decider.model
     model = model._replace(filters=model.filters._replace(freedom=freedom))
     ends = np.full(len(values), BY_LAW)
@@ -113,21 +122,26 @@ def smooth_modes(
     ends[0] = 0.0
     if start is None:
         starts, rough = _unknown_starts(values[0, :2], noises[0], options)
-        speed = options.speed
     else:
         rough = check_array("start", start[0], (4,)), check_array("start", start[1], (4, 4))
         check_covariance("start", rough[1], definite=False)
-        starts, speed = np.array([[*rough[0], *rough[1][TRIANGLE]]]), 0.0
+        starts = np.array([[*rough[0], *rough[1][TRIANGLE]]])
     lattice = walk_lattice(values, starts, ends, decider.branches, model)
     probabilities, begins = smooth_lattice(lattice, model)
-    if switches is None:
-        modes = choose_modes(_in_types(probabilities, options), measured.astype(float))
-        borders = np.flatnonzero(np.diff(modes, prepend=-1))
-    else:
-        modes = np.repeat(
-            np.add.reduceat(probabilities, borders).argmax(1), np.diff(borders, append=len(values))
-        )
-    pieces = np.stack([borders, np.append(borders[1:], len(values)), modes[borders]], axis=1)
+    worth = _in_types(probabilities, options)
+
+    def decided() -> tuple[IntArray, IntArray]:
+        """Return modes (T,) and pieces (K, 3)."""
+        if switches is None:
+            modes = choose_modes(worth, measured.astype(float))
+            begins = np.flatnonzero(np.diff(modes, prepend=-1))
+        else:
+            begins = borders
+            sums = np.add.reduceat(probabilities, begins)
+            modes = np.repeat(sums.argmax(1), np.diff(begins, append=len(values)))
+        return modes, np.stack([begins, np.append(begins[1:], len(values)), modes[begins]], axis=1)
+
+    modes, pieces = decided()
     smoothed = smooth_pieces(
         values[:, :2].copy(),
         noises,
@@ -136,13 +150,16 @@ def smooth_modes(
         options.motions,
         options.tau,
         options.process_variance,
+        options.speed,
         options.drift_variance,
-        speed,
         freedom,
     )
-    # An object that stands has no speed, also where its position drifts.
     stands = np.array([mode.type == "stop" for mode in options.all_modes])
+    # An object that stands has no speed, also where its position drifts.
     smoothed[2][stands[modes], :2] = 0.0
+    if stands.any():
+        worth[smoothed[2][:, 0] < STANDS * options.speed] = stands
+        modes, pieces = decided()
     known = pieces[:, [0, 0]]
     moments = known if switches is not None else _moments(begins, pieces)
     return SmoothedModes(modes, probabilities, pieces, moments, *smoothed, lattice.evidence)

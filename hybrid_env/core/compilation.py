@@ -13,8 +13,8 @@ import os
 import stat
 import sys
 import tempfile
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,12 @@ import numba
 from numba import njit, typeof
 from numba.extending import intrinsic as numba_intrinsic
 from numba.extending import register_jitable
+
+try:
+    import fcntl
+except ImportError:
+    # Not on Windows, where two processes may compile the same function.
+    fcntl: Any = None  # type: ignore[no-redef]
 
 # Filled at run time.
 config: Any = numba.config
@@ -127,24 +133,44 @@ def prepare(dispatcher: Any, *arguments: Any) -> None:
     if types in dispatcher.signatures:
         return
     folder, name = dispatcher.stats.cache_path, dispatcher.__name__
-    files = list(Path(folder).glob(f"*.{name}-*.nb?")) if folder else []
-    if not files:
-        kept = f"kept in {folder}" if folder else "not kept: set NUMBA_CACHE_DIR"
-        print(f"HybridTrack: compiling {name}, up to 30 s, {kept}", file=sys.stderr)
     collects = gc.isenabled()
     # It would take a fifth of the time of a compilation.
     gc.disable()
     try:
-        try:
-            dispatcher.compile(types)
-        except Exception as error:
-            if not files:
-                raise
-            for file in files:
-                file.unlink(missing_ok=True)
-            reason = f"{name} in {folder} is damaged ({type(error).__name__})"
-            print(f"HybridTrack: {reason}: compiling it again, up to 30 s", file=sys.stderr)
-            dispatcher.compile(types)
+        with _alone(folder, name):
+            _compile(dispatcher, types, folder, name)
     finally:
         if collects:
             gc.enable()
+
+
+@contextmanager
+def _alone(folder: str, name: str) -> Iterator[None]:
+    """Wait until no other process compiles a function into a folder: what it has compiled is then
+    loaded.
+    """
+    if not folder or fcntl is None:
+        yield
+        return
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    with Path(folder, f"{name}.lock").open("w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield
+
+
+def _compile(dispatcher: Any, types: tuple[Any, ...], folder: str, name: str) -> None:
+    """Compile or load a function, see `prepare`; `folder` is "" where nothing is kept."""
+    files = list(Path(folder).glob(f"*.{name}-*.nb?")) if folder else []
+    if not files:
+        kept = f"kept in {folder}" if folder else "not kept: set NUMBA_CACHE_DIR"
+        print(f"HybridTrack: compiling {name}, up to 30 s, {kept}", file=sys.stderr)
+    try:
+        dispatcher.compile(types)
+    except Exception as error:
+        if not files:
+            raise
+        for file in files:
+            file.unlink(missing_ok=True)
+        reason = f"{name} in {folder} is damaged ({type(error).__name__})"
+        print(f"HybridTrack: {reason}: compiling it again, up to 30 s", file=sys.stderr)
+        dispatcher.compile(types)

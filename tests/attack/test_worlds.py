@@ -72,16 +72,17 @@ def scattered_mode(generator, tau):
     return LinearMode(F * units / units[:, None], name="scattered")
 
 
-def scattered_world(generator, own_modes):
+def scattered_world(generator, own_modes, announced):
     """Return a world of random options; with modes of one's own None if it is refused."""
     options = random_options(generator)
     if own_modes:
         scale = generator.choice(list(SCALES))
-        kept = {name: options[name] for name in ("noise", "missed", "follow", "initial_error")}
+        kind = HybridTrackVectorEnv if announced else HybridTrackQuickestVectorEnv
+        names = "noise", "missed", *(("follow", "initial_error") if announced else ())
         try:
             mode = scattered_mode(generator, SCALES[scale]["tau"])
-            options = {"modes": (*every_mode(scale), mode)} | kept | SCALES[scale]
-            return HybridTrackVectorEnv(8, bank_info=True, **options)
+            options = {name: options[name] for name in names} | SCALES[scale]
+            return kind(8, bank_info=True, modes=(*every_mode(scale), mode), **options)
         except ArgumentError:
             return None
     return HybridTrackVectorEnv(8, bank_info=True, **options)
@@ -90,7 +91,7 @@ def scattered_world(generator, own_modes):
 def check_covariances(seed):
     """Check the covariances of every filter of a random world in 40 ticks."""
     generator = np.random.default_rng(seed)
-    env = scattered_world(generator, seed % 4 == 3)
+    env = scattered_world(generator, seed % 4 == 3, seed % 8 < 4)
     if env is None:
         return
     env.reset(seed=seed)

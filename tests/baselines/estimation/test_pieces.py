@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from baselines.estimation.pieces import BLOCK, smooth_pieces
+from baselines.recordings.track_modes import in_units
 from hybrid_env import simulate
 from hybrid_env.modes import motion_table, parse_modes
 
@@ -51,7 +52,7 @@ def test_straight_motion_and_a_stop_are_one_linear_regression():
     root = rng.normal(size=(4, 4))
     start = rng.normal(size=4), root @ root.T
     noises = np.tile([0.3, 0.1, 0.2], (25, 1))
-    estimates, covariances, turns = smooth_pieces(z, noises, pieces, start, motions, TAU, Q)
+    estimates, covariances, turns = smooth_pieces(z, noises, pieces, start, motions, TAU, Q, 1.0)
 
     straight = np.kron(np.eye(2), [[1.0, TAU], [0.0, 1.0]]), np.diag([0, Q, 0, Q])
     stop = motions[1]["F"][:4, :4], motions[1]["Q"][:4, :4]
@@ -89,3 +90,18 @@ def test_estimates_along_turns_are_calibrated(freedom):
         assert abs(turns[30, 2] - 60.0) < 4.0 * turns[30, 3] < 60.0
     # Of four numbers; the errors of neighbours are alike.
     assert 3.0 < np.mean(squares) < 5.0
+
+
+def test_a_turn_after_a_stop_has_its_speed():
+    tau, speed, radius = 0.1, 0.5, 1.0
+    modes = [in_units(mode, 1.0, 1.0, tau, speed) for mode in parse_modes("straight, left 1, stop")]
+    motions = motion_table(modes, tau, 1e-6)
+    angle = np.concatenate([np.zeros(50), speed * tau / radius * np.arange(1, 101)])
+    truth = radius * np.stack([np.sin(angle), 1.0 - np.cos(angle)], axis=1)
+    z = truth + np.random.default_rng(0).normal(0.0, 0.02, truth.shape)
+    noises = np.tile([4e-4, 0.0, 4e-4], (150, 1))
+    pieces = np.array([[0, 50, 2], [50, 150, 1]])
+    start = np.zeros(4), np.diag([1e-2, 0.25] * 2)
+    estimates, *_ = smooth_pieces(z, noises, pieces, start, motions, tau, 1e-6, speed)
+    along = np.hypot(*estimates[55:, 1::2].T)
+    assert np.abs(along - speed).max() < 0.2 * speed
