@@ -30,7 +30,7 @@ def random_sensors(generator, deviation, reach):
         return ()
     sensors = [
         Sensor(
-            variance=float((deviation * 10.0 ** generator.normal()) ** 2),
+            variance=float(np.clip((deviation * 10.0 ** generator.normal()) ** 2, 1e-18, 1e18)),
             position=tuple((generator.normal(size=2) * reach).tolist()),
             period=int(generator.integers(1, 30)),
             range=float(10.0 ** generator.normal(0, 2) * reach),
