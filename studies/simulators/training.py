@@ -15,8 +15,9 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from agents import Statements, StatementSettings
-from baselines import GivenTracks, record_statements
+from baselines import record_statements
 from hybrid_env import ArgumentError, QuickestOptions
+from studies.simulators.given_tracks import GivenTracks
 
 
 @dataclass(frozen=True, kw_only=True)

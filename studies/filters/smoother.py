@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baselines.estimation.kalman import propagate
-from baselines.estimation.motion_models import MotionModel
-from baselines.estimation.run_filter import Estimates
-from hybrid_env.checks import FloatArray, reject
+from studies.filters.kalman import propagate
+from studies.filters.motion_models import MotionModel
+from studies.filters.run_filter import Estimates
+from studies.filters.track_filter import FloatArray
 
 
 def smooth(model: MotionModel, filtered: Estimates, times: ArrayLike) -> Estimates:
@@ -20,8 +20,7 @@ def smooth(model: MotionModel, filtered: Estimates, times: ArrayLike) -> Estimat
     `times`, (T,) or (T, B) [s], are those of the filter. After a robust one the result is
     approximate: the weights of the measurements are those of the filter.
     """
-    if filtered.covariances is None:
-        raise reject("filtered.covariances", None, "the covariances of a Kalman filter")
+    assert filtered.covariances is not None
     states = filtered.states.copy()
     covariances = filtered.covariances.copy()
     steps = np.diff(np.asarray(times, float), axis=0)

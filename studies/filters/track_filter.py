@@ -5,11 +5,15 @@ measurements.
 from abc import ABC, abstractmethod
 
 import numpy as np
+from numpy.typing import NDArray
 
-from hybrid_env.checks import FloatArray, OwnState
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+# Means and covariances.
+Moments = tuple[FloatArray, FloatArray]
 
 
-class TrackFilter(OwnState, ABC):
+class TrackFilter(ABC):
     """A filter for the positions of B tracks in d dimensions.
 
     A track begins with its first measurement. Until then its state is NaN.

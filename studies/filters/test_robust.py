@@ -7,10 +7,10 @@ import pytest
 from kinematic_worlds import mean_bounds, simulate, squared_errors
 from scipy import integrate, optimize, stats
 
-from baselines.estimation.correction import Huber, StudentT
-from baselines.estimation.kalman import KalmanFilter
-from baselines.estimation.motion_models import MotionModel
-from baselines.estimation.run_filter import run_filter
+from studies.filters.correction import Huber, StudentT
+from studies.filters.kalman import KalmanFilter
+from studies.filters.motion_models import MotionModel
+from studies.filters.run_filter import run_filter
 
 
 def single(value):

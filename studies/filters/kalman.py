@@ -3,18 +3,9 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baselines.estimation.correction import Robust, correct
-from baselines.estimation.motion_models import MotionModel, check_per_item
-from baselines.estimation.track_filter import TrackFilter
-from hybrid_env.checks import (
-    BoolArray,
-    FloatArray,
-    Moments,
-    check_array,
-    check_covariance,
-    dimensions,
-    reject,
-)
+from studies.filters.correction import Robust, correct
+from studies.filters.motion_models import MotionModel
+from studies.filters.track_filter import BoolArray, FloatArray, Moments, TrackFilter
 
 
 class KalmanFilter(TrackFilter):
@@ -46,16 +37,11 @@ class KalmanFilter(TrackFilter):
         self.robust = robust
         self.axes = model.axes
         self.order = model.order
-        matrix = (
-            np.diag(check_per_item("noise", noise, self.axes)) if dimensions(noise) < 2 else noise
-        )
-        self.noise = check_covariance("noise", check_array("noise", matrix, (self.axes, self.axes)))
+        values = np.asarray(noise, float)
+        self.noise: FloatArray = values if values.ndim == 2 else values * np.eye(self.axes)
         # Variances and axes of independent components of a measurement.
         self._components = np.linalg.eigh(self.noise)
-        self.start_variances: FloatArray | None = None
-        if start_deviations is not None:
-            deviations = check_per_item("start_deviations", start_deviations, self.order - 1)
-            self.start_variances = deviations**2
+        self.start_variances = None if start_deviations is None else np.square(start_deviations)
 
     def begin(self, tracks: int) -> None:
         """See `TrackFilter.begin`."""
@@ -67,10 +53,9 @@ class KalmanFilter(TrackFilter):
         """Forget everything and begin all tracks with estimates (B, n), and their covariances
         (n, n) or (B, n, n).
         """
-        self.state = check_array("state", state, (None, self.model.size))
+        self.state = np.array(state, float)
         shape = (self.tracks, self.model.size, self.model.size)
-        each = check_array("covariance", np.broadcast_to(covariance, shape), shape)
-        self.covariance = check_covariance("covariance", each, definite=False)
+        self.covariance = np.array(np.broadcast_to(covariance, shape), float)
         self._no_measurement()
 
     def predict(self, dt: float | FloatArray) -> None:
@@ -80,7 +65,7 @@ class KalmanFilter(TrackFilter):
     def update(self, measurement: ArrayLike, noise: FloatArray | None = None) -> None:
         """See `TrackFilter.update`."""
         size = self.tracks, self.axes
-        values = check_array("measurement", measurement, size, missing=True)
+        values = np.asarray(measurement, float)
         variances, axes = self._components if noise is None else np.linalg.eigh(noise)
         variances = np.broadcast_to(variances, size)
         axes = np.broadcast_to(axes, (*size, self.axes))
@@ -102,9 +87,6 @@ class KalmanFilter(TrackFilter):
 
     def _start(self, chosen: BoolArray, measurement: FloatArray, noise: FloatArray) -> None:
         """Begin some tracks, (B,), with their first measurements (B, d)."""
-        if self.start_variances is None:
-            allowed = "numbers, or a start of all tracks by begin_from()"
-            raise reject("start_deviations", None, allowed)
         noises = np.broadcast_to(noise, (self.tracks, self.axes, self.axes))
         self.state[chosen], self.covariance[chosen] = resized(
             measurement[chosen], noises[chosen], self.axes, self.order, self.start_variances

@@ -14,23 +14,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hybrid_env.checks import Checked, Count, FloatArray, check_array, dimensions, reject
-
-
-def check_per_item(
-    name: str, value: float | ArrayLike, count: int, smallest: float = 0.0
-) -> FloatArray:
-    """Return checked values >= `smallest`, (count,), of one number for all or of an array with
-    one for each.
-    """
-    values = check_array(name, np.full(count, value) if dimensions(value) == 0 else value, (count,))
-    if (values < smallest).any():
-        raise reject(name, float(values.min()), f"numbers >= {smallest:g}")
-    return values
+from studies.filters.track_filter import FloatArray
 
 
 @dataclass(frozen=True)
-class MotionModel(Checked):
+class MotionModel:
     """A kinematic model of d axes and its process noise.
 
     The intensity of the noise is one number or (d,). Continuous noise, which does not depend on how
@@ -41,13 +29,13 @@ class MotionModel(Checked):
     """
 
     name: Literal["CV", "CA", "CJ"]
-    axes: Count
+    axes: int
     noise: float | ArrayLike
     discretization: Literal["continuous", "discrete"] = "continuous"
 
     def __post_init__(self) -> None:
-        super().__post_init__()
-        object.__setattr__(self, "noise", check_per_item("noise", self.noise, self.axes))
+        noise = np.broadcast_to(np.asarray(self.noise, float), self.axes)
+        object.__setattr__(self, "noise", noise)
 
     @property
     def order(self) -> int:

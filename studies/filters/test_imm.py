@@ -12,10 +12,10 @@ from kinematic_worlds import (
     squared_errors,
 )
 
-from baselines.estimation.imm import IMMFilter
-from baselines.estimation.kalman import KalmanFilter
-from baselines.estimation.motion_models import MotionModel
-from baselines.estimation.run_filter import run_filter
+from studies.filters.imm import IMMFilter
+from studies.filters.kalman import KalmanFilter
+from studies.filters.motion_models import MotionModel
+from studies.filters.run_filter import run_filter
 
 
 def test_imm_equals_filterpy_on_20_random_problems():

@@ -10,13 +10,12 @@ of the density that belongs to the loss, with the scale of the innovation.
 """
 
 from dataclasses import dataclass
-from typing import Annotated, Protocol
+from typing import Protocol
 
 import numpy as np
-from annotated_types import Interval
 from scipy.special import gammaln, ndtr
 
-from hybrid_env.checks import Checked, FloatArray, Positive
+from studies.filters.track_filter import FloatArray
 
 LOG_TWO_PI = float(np.log(2.0 * np.pi))
 
@@ -48,7 +47,7 @@ class Robust(Protocol):
 
 
 @dataclass(frozen=True)
-class Huber(Checked):
+class Huber:
     """Huber's loss: quadratic up to a threshold, then linear. Huber 1964; Durovic & Kovacevic 1999.
 
     The estimate is the maximum of the posterior with a Gaussian prediction and this loss of the
@@ -57,7 +56,7 @@ class Huber(Checked):
     """
 
     # Standard deviations, > 0; with Gaussian noise a mean has 95 % of the efficiency.
-    threshold: Positive = 1.345
+    threshold: float = 1.345
 
     def factors(
         self, innovation: FloatArray, predicted: FloatArray, variance: FloatArray
@@ -82,7 +81,7 @@ class Huber(Checked):
 
 
 @dataclass(frozen=True)
-class StudentT(Checked):
+class StudentT:
     """Measurement noise with a Student-t distribution.
 
     Student-t noise is Gaussian with the variance r / w, and w has a gamma distribution; the
@@ -92,10 +91,9 @@ class StudentT(Checked):
     """
 
     # Nu, from 0.1 to 1000; 1 is Cauchy noise, 1000 practically Gaussian.
-    degrees_of_freedom: Annotated[float, Interval(ge=0.1, le=1000.0)] = 4.0
+    degrees_of_freedom: float = 4.0
 
     def __post_init__(self) -> None:
-        super().__post_init__()
         nu = self.degrees_of_freedom
         # The integrand is analytic: errors of about 1e-8.
         step = min(0.5, np.sqrt(2.0 / nu))

@@ -17,10 +17,10 @@ from kinematic_worlds import (
     squared_errors,
 )
 
-from baselines.estimation.kalman import KalmanFilter
-from baselines.estimation.motion_models import MotionModel
-from baselines.estimation.run_filter import run_filter
-from baselines.estimation.smoother import smooth
+from studies.filters.kalman import KalmanFilter
+from studies.filters.motion_models import MotionModel
+from studies.filters.run_filter import run_filter
+from studies.filters.smoother import smooth
 
 
 def random_problem(rng):

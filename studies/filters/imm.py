@@ -9,25 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import logsumexp
 
-from baselines.estimation.kalman import KalmanFilter, resized
-from baselines.estimation.motion_models import check_per_item
-from baselines.estimation.track_filter import TrackFilter
-from hybrid_env.checks import FloatArray, Moments, check_array, reject
-
-
-def mixture(state: FloatArray, covariance: FloatArray, weights: FloatArray) -> Moments:
-    """Return mean and covariance of C mixtures, (B, C, n) and (B, C, n, n), of the same K normal
-    distributions, (B, K, n) and (B, K, n, n), with weights (B, C, K).
-    """
-    mean = weights @ state
-    # Sum of w (P + x x') less m m', with states relative to one of them, because positions are
-    # large.
-    relative = state - state[:, :1]
-    centre = mean - state[:, :1]
-    square = covariance + relative[..., :, None] * relative[..., None, :]
-    tracks, count, size = state.shape
-    mixed = (weights @ square.reshape(tracks, count, size * size)).reshape(*mean.shape, size)
-    return mean, mixed - centre[..., :, None] * centre[..., None, :]
+from baselines import mixture
+from studies.filters.kalman import KalmanFilter, resized
+from studies.filters.track_filter import FloatArray, Moments, TrackFilter
 
 
 class IMMFilter(TrackFilter):
@@ -57,14 +41,11 @@ class IMMFilter(TrackFilter):
 
     def __init__(self, filters: Sequence[KalmanFilter], sojourns: float | ArrayLike):
         orders = [track_filter.order for track_filter in filters]
-        for each in filters:
-            if each.order > min(orders) and each.start_variances is None:
-                raise reject("filters", each.model.name, "start_deviations of the larger models")
         self.filters = list(filters)
         count = len(filters)
         self.axes = filters[0].axes
         self.order = max(orders)
-        times = check_per_item("sojourns", sojourns, count, smallest=1e-30)
+        times = np.broadcast_to(np.asarray(sojourns, float), count)
         self._stationary = times / times.sum()
         others = (np.ones((count, count)) - count * np.eye(count)) / (count - 1)
         # Of the rates of change [1/s], whose rows sum to 0.
@@ -113,8 +94,7 @@ class IMMFilter(TrackFilter):
         matrices = np.asarray(covariance, float)
         self.begin(len(means))
         if probabilities is not None:
-            shares = check_array("probabilities", probabilities, self._log_probabilities.shape)
-            self._log_probabilities = np.log(np.maximum(shares, self.smallest))
+            self._log_probabilities = np.log(np.maximum(probabilities, self.smallest))
         for j, track_filter in enumerate(self.filters):
             mean = means if means.ndim == 2 else means[:, j]
             matrix = matrices[:, j] if matrices.ndim == 4 else matrices

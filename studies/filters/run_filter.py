@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baselines.estimation.track_filter import TrackFilter
-from hybrid_env.checks import ArgumentError, FloatArray, check_array, dimensions
+from studies.filters.track_filter import FloatArray, TrackFilter
 
 
 @dataclass(frozen=True)
@@ -64,25 +63,21 @@ def run_filter(
         keep_covariances: False leaves the covariances out, which take the most memory.
         horizons: times ahead of each tick for which the state is forecast [s].
     """
-    single = dimensions(measurements) == 2
-    shape = (*[None] * (1 if single else 2), track_filter.axes)
-    values = check_array("measurements", measurements, shape, missing=True)
+    values = np.asarray(measurements, float)
+    single = values.ndim == 2
     values = values[:, None] if single else values
-    total, tracks = values.shape[:2]
-    moments = check_array("times", times, (total,) if dimensions(times) == 1 else (total, tracks))
+    tracks = values.shape[1]
+    moments = np.asarray(times, float)
     if begun is None:
         track_filter.begin(tracks)
     first = moments[:1] if begun is None else np.full_like(moments[:1], begun)
     steps = np.diff(moments, axis=0, prepend=first)
-    if (steps < 0.0).any():
-        place = int(np.argwhere(steps < 0.0)[0, 0])
-        raise ArgumentError(f"times[{place}] is not allowed: expected times that do not decrease")
     kept = keep_covariances and track_filter.covariance is not None
     written: list[list[Any]] = [[] for _ in range(1 + len(horizons))]
     for k, step in enumerate(steps):
         track_filter.predict(step)
         track_filter.update(values[k], None if noises is None else noises[k])
-        later = [copy.copy(track_filter) for _ in horizons]
+        later = [copy.deepcopy(track_filter) for _ in horizons]
         for horizon, forecast in zip(horizons, later, strict=True):
             forecast.predict(horizon)
         for rows, each in zip(written, (track_filter, *later), strict=True):

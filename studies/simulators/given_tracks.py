@@ -4,16 +4,17 @@ that choose their process noise by the evidence.
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces
+from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from baselines.rules.decider import Actions, Observations
-from hybrid_env.checks import BoolArray, FloatArray, Info, IntArray, OwnState
-from hybrid_env.live import LiveTracks
-from hybrid_env.observation import QuickestLayout
-from hybrid_env.quickest_options import QuickestOptions
+from hybrid_env import LiveTracks, QuickestLayout, QuickestOptions
+from studies.simulators.vehicles import FloatArray, IntArray
+
+Rows = NDArray[np.float32]
 
 Paths = tuple[FloatArray, IntArray, FloatArray]
 """Measured positions (T, N, 2) [m], true modes (T, N), and estimates of the states [x, vx, y, vy]
@@ -44,7 +45,7 @@ class LikeliestNoise:
         self.last: FloatArray | None = None
         self.evidence: FloatArray = np.zeros(1)
 
-    def choose(self, rows: Observations) -> Observations:
+    def choose(self, rows: Rows) -> Rows:
         """Return the rows (N, width) of the likeliest bank of each track at the next tick of K
         banks, (K, N, width).
         """
@@ -60,7 +61,7 @@ class LikeliestNoise:
         return rows[self.evidence.argmax(0), np.arange(rows.shape[1])]
 
 
-class GivenTracks(OwnState):
+class GivenTracks:
     """Given paths with noise as a vector environment with the rows of
     `hybrid_env.HybridTrackQuickestEnv`.
 
@@ -94,7 +95,7 @@ class GivenTracks(OwnState):
         self.world = self.banks[factors.index(1.0)].world
         self.single_action_space = spaces.Discrete(options.hypotheses)
 
-    def reset(self, *, seed: int | None = None) -> tuple[Observations, Info]:
+    def reset(self, *, seed: int | None = None) -> tuple[Rows, dict[str, Any]]:
         """Begin the paths of the seeds, and measure their first positions."""
         assert seed is not None
         self._points, self._modes, starts = self.travel(self.options, self.num_envs, seed)
@@ -104,7 +105,7 @@ class GivenTracks(OwnState):
             bank.begin(starts, np.diag(self.options.start_variances), self._modes[0])
         return self._measure(), {}
 
-    def _measure(self) -> Observations:
+    def _measure(self) -> Rows:
         """Measure the next positions; after the last ones the rows remain."""
         if self._tick < len(self._points):
             for bank in self.banks:
@@ -114,7 +115,7 @@ class GivenTracks(OwnState):
         rows = np.stack([bank.world.take_rows() for bank in self.banks])
         return rows[0] if len(rows) == 1 else self._chooser.choose(rows)
 
-    def step(self, actions: Actions) -> tuple[Observations, FloatArray, BoolArray, BoolArray, Info]:
+    def step(self, actions: IntArray) -> tuple[Any, ...]:
         """Go on to the next positions after statements (N,); after the last ones the episodes
         end.
         """

@@ -5,17 +5,15 @@ import dataclasses
 import numpy as np
 import pytest
 
-import hybrid_env
-from baselines.recordings.given_tracks import LikeliestNoise
-from hybrid_env.live import LiveTracks
-from hybrid_env.quickest_options import QuickestOptions
+from hybrid_env import HybridTrackQuickestVectorEnv, LiveTracks, QuickestOptions
+from studies.simulators.given_tracks import LikeliestNoise
 
 
 @pytest.mark.parametrize("true", [0.001, 0.1])
 def test_the_likeliest_process_noise_is_that_of_the_object(true):
     options = QuickestOptions(ticks=400, radii=(20.0,))
     factors = np.array(LikeliestNoise.factors)
-    env = hybrid_env.HybridTrackQuickestVectorEnv(20, process_variance=true, radii=(20.0,))
+    env = HybridTrackQuickestVectorEnv(20, process_variance=true, radii=(20.0,))
     env.reset(seed=3)
     state = env.world
     banks = [

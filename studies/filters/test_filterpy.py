@@ -1,23 +1,25 @@
-"""The page "Other libraries": its program beside filterpy prints its table, and probabilities are
-right at any distance.
-"""
+"""The IMM filters of filterpy and of this study after an outlier, and the table of the page."""
 
-import re
 from pathlib import Path
 
 import numpy as np
 from scipy.stats import norm
 
-PAGE = Path(__file__).parents[3] / "docs/libraries.md"
+from studies.filters.__main__ import both
+
+PAGE = Path(__file__).with_name("README.md")
 
 
-def test_the_program_of_the_page_prints_its_table(capsys):
-    text = PAGE.read_text(encoding="utf-8").partition("## From filterpy")[2]
-    names = {}
-    exec(re.search(r"```python\n(.*?)```", text, re.DOTALL)[1], names)
+def test_the_study_prints_the_table_of_the_page(tmp_path, run_study):
+    printed = run_study("filters", "--out", str(tmp_path))
+    table = (tmp_path / "filters.md").read_text()
 
-    assert capsys.readouterr().out == re.search(r"```text\n(deviations.*?)```", text, re.DOTALL)[1]
-    ours, peer = names["both"]()
+    assert table in printed
+    assert table in PAGE.read_text(encoding="utf-8")
+
+
+def test_probabilities_are_right_at_any_distance():
+    ours, peer = both()
     ours.predict(1.0)
     prior = ours.probabilities[0]
     spreads = [np.sqrt(kalman.covariance[0, 0, 0] + 1.0) for kalman in ours.filters]
