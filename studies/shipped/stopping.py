@@ -16,15 +16,11 @@ import torch
 from torch import Tensor, nn
 from torch.nn.utils.rnn import pad_sequence
 
-from agents.evaluation.registry import policy_folder
-from agents.learned.anchor_inputs import RowRatios, regret_inputs
-from agents.learned.policy_file import load_policy, load_weights
-from agents.training.settings import Factors
-from agents.training.worlds import Explorer, WorldsAlgorithm, WorldsSettings
-from baselines.recordings.log_uniform import log_uniform
-from baselines.rules.decider import ANNOUNCED
-from hybrid_env.checks import Count, Float32Array, FloatArray, IntArray, reject
-from hybrid_env.options import WorldOptions
+from agents import RowRatios, find_decider, regret_inputs
+from hybrid_env import ArgumentError, WorldOptions
+from studies.shipped.anchor import Float32Array, IntArray
+from studies.shipped.explorer import Count, Explorer, FloatArray, WorldsAlgorithm, WorldsSettings
+from studies.shipped.random_worlds import log_uniform
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +32,7 @@ class StoppingSettings(WorldsSettings):
     # Times that the segments of a round are used.
     passes: Count
     # Bounds of the delay cost; half of the environments have one drawn between them.
-    delay_costs: Factors = (0.003, 0.05)
+    delay_costs: tuple[float, float] = (0.003, 0.05)
     # Largest number of ticks between decisions; half of the environments have one from 1 on.
     most_ticks: Count = 12
     # Agent whose networks are used, with as many hidden units; or its run folder.
@@ -48,19 +44,18 @@ class Stopping(WorldsAlgorithm):
     stay as they are.
     """
 
-    name = "stopping"
     Settings = StoppingSettings
     settings: StoppingSettings
 
     def create_network(self) -> nn.Module:
         """See `NetworkAlgorithm.create_network`; the networks are those of the anchor agent."""
-        network: Any = super().create_network()
-        weights = load_policy(policy_folder(self.settings.agent, ANNOUNCED)).weights
+        network = super().create_network()
+        agent: Any = find_decider(self.settings.agent, self.world)
         try:
-            load_weights(network, weights)
-        except ValueError as error:
-            allowed = f"an anchor agent of {self.settings.hidden} units ({error})"
-            raise reject("agent", self.settings.agent, allowed) from None
+            network.load_state_dict(agent.net.state_dict())
+        except (AttributeError, RuntimeError):
+            allowed = f"an anchor agent of {self.settings.hidden} units"
+            raise ArgumentError(f"agent={self.settings.agent}: expected {allowed}") from None
         return network
 
     def changed_world(self, world: WorldOptions, generator: np.random.Generator) -> WorldOptions:

@@ -1,4 +1,4 @@
-"""What the algorithms for announced switches share: the environments of the recipe and random ones,
+"""What the algorithms of the anchor agent share: the environments of the recipe and random ones,
 and an agent in training that explores them.
 """
 
@@ -8,32 +8,21 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
-from annotated_types import MinLen
+from annotated_types import Ge, Interval, MinLen
+from numpy.typing import NDArray
 
-from agents.learned.anchor_decider import AnchorDecider, Odds
-from agents.training.algorithm import NetworkAlgorithm
-from agents.training.random_worlds import draw_world
-from agents.training.settings import NetworkSettings
-from baselines.rules import seeds
-from baselines.rules.decider import Actions, Decider, Observations
-from baselines.rules.rollout import Tick, decision_ticks, rollout
-from hybrid_env.checks import (
-    BoolArray,
-    Checked,
-    Count,
-    FloatArray,
-    Share,
-    declared_fields,
-    reject,
-    unknown,
-)
-from hybrid_env.options import WorldOptions
-from hybrid_env.registration import make_vector_env
-from hybrid_env.vector_env import HybridTrackVectorEnv
+from agents import AnchorDecider, NetworkAlgorithm, NetworkSettings, task_of
+from baselines import Decider, rollout
+from hybrid_env import ArgumentError, HybridTrackVectorEnv, WorldOptions
+from studies.shipped.random_worlds import draw_world
+
+BoolArray = NDArray[np.bool_]
+FloatArray = NDArray[np.float64]
+Count = Annotated[int, Ge(1)]
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrainingWorld(Checked):
+class TrainingWorld:
     """One environment that an agent is trained in, and its number of tracks."""
 
     # Parallel tracks.
@@ -43,16 +32,10 @@ class TrainingWorld(Checked):
     # Override those of the id and of the run.
     options: Mapping[str, Any] = field(default_factory=dict)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        known = declared_fields(WorldOptions)
-        for name in self.options.keys() - known.keys():
-            raise unknown("option", name, known)
-
 
 @dataclass(frozen=True, kw_only=True)
-class DrawnWorlds(Checked):
-    """Random environments that an agent is trained in, see `agents.training.random_worlds`."""
+class DrawnWorlds:
+    """Random environments that an agent is trained in, see `random_worlds`."""
 
     # Number of radii of each bank.
     radii: Count
@@ -73,7 +56,7 @@ class WorldsSettings(NetworkSettings):
     # Probability that a declaration is replaced by a random hypothesis. Anchors after a wrong
     # decision are rare under a good policy; without random declarations, decisions from them take
     # three times as long.
-    random_declarations: Share = 0.0
+    random_declarations: Annotated[float, Interval(ge=0.0, le=1.0)] = 0.0
 
 
 class WorldsAlgorithm(NetworkAlgorithm):
@@ -91,21 +74,18 @@ class WorldsAlgorithm(NetworkAlgorithm):
         """Set the options of the environments; refuse those in which hypotheses are not
         declared.
         """
-        self.world = make_vector_env(self.env_id, 1, **self.options).options
+        self.world = task_of(self.env_id, self.options).options
         self._fixed: list[tuple[WorldOptions, int]] = []
-        for training_world in self.settings.worlds:
-            options = self.options | dict(training_world.options)
-            env = make_vector_env(training_world.env or self.env_id, 1, **options)
-            self._fixed.append((env.options, training_world.n_envs))
-        for world in (self.world, *(world for world, _ in self._fixed)):
-            if world.actions != "all":
-                allowed = "'all' for an agent that declares hypotheses"
-                raise reject("actions", world.actions, allowed)
+        for world in self.settings.worlds:
+            task = task_of(world.env or self.env_id, self.options | dict(world.options))
+            if not task.waits or task.options.actions != "all":
+                raise ArgumentError(f"env={world.env}: expected one in which modes are declared")
+            self._fixed.append((task.options, world.n_envs))
 
     @property
     def first_seed(self) -> int:
         """Seed of the present round."""
-        return seeds.TRAINING + self.seed * 10**9 + self.rounds * 10**4
+        return 10**12 + self.seed * 10**9 + self.rounds * 10**4
 
     def explorers(self, generator: np.random.Generator) -> Iterator["Explorer"]:
         """Return an agent that explores one episode of every track, for each environment of a
@@ -135,7 +115,8 @@ class WorldsAlgorithm(NetworkAlgorithm):
 class Seen(NamedTuple):
     """What an agent has seen of N tracks at a tick, and what it has done."""
 
-    odds: Odds
+    # See `AnchorDecider.odds`.
+    odds: Any
     # (N,) threshold of the segment.
     margin: FloatArray
     # (N,) whether a declaration counts at this tick.
@@ -172,15 +153,16 @@ class Explorer(Decider):
         self.seen: list[Seen] = []
 
     def decide(
-        self, observation: Observations, state: Any, episode_start: Any
-    ) -> tuple[Actions, Any]:
+        self, observation: NDArray[Any], state: Any, episode_start: Any
+    ) -> tuple[NDArray[np.int64], Any]:
         """See `Decider.decide`. The state is that of the agent, and the thresholds (N,)."""
         inner, margin = state or (None, np.zeros(len(observation)))
         odds, inner = self.agent.odds(observation, inner, episode_start)
         drawn = self.algorithm.draw_margins(self.generator, len(margin))
         margin = np.where(odds.ratios.read("ticks") < 1.5, drawn, margin)
         stops = (odds.logits > margin) | (odds.ratios.read("ticks_left") < 0.5)
-        counts = decision_ticks(self.env, self.world.decide_every)
+        ticks = self.env.world.field("tick")
+        counts = (ticks % self.world.decide_every == 0) | (ticks == self.env.world.field("length"))
         stops &= counts
         truth = self.env.world.field("truth")
         self.seen.append(Seen(odds, margin, counts, stops, inner.anchors, truth))
@@ -191,7 +173,7 @@ class Explorer(Decider):
             actions = np.where(replaced, modes + 1, actions)
         return actions, (inner, margin)
 
-    def ticks(self) -> Iterator[tuple[Tick, Seen, BoolArray]]:
+    def ticks(self) -> Iterator[tuple[Any, Seen, BoolArray]]:
         """Run the episodes; yield every step, what was seen before it, and the tracks (N,) whose
         episode still went on.
         """

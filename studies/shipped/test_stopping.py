@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 import torch
+from agents.algorithms.stopping import expected_reward, paths_of
 from small_training import small_run
 
-from agents.algorithms.stopping import expected_reward, paths_of
 from agents.training.recipe import load_recipe
 from agents.training.runs import make_run
 from baselines.rules.rollout import evaluate
@@ -40,7 +40,7 @@ def test_the_expected_reward_is_the_sum_over_all_ticks_of_the_declaration():
 
 
 def test_a_segment_that_runs_on_knows_what_each_declaration_earns():
-    run = make_run(ENV, {"follow": "bank"}, load_recipe("stopping", ENV, ALONE))
+    run = make_run(ENV, {"follow": "bank"}, load_recipe("studies/shipped/stopping.yml", ENV, ALONE))
     [explorer] = run.explorers(np.random.default_rng(1))
     inputs, rewards, lengths = paths_of(explorer)
 
@@ -68,7 +68,11 @@ def test_training_of_the_stop_leaves_the_anchor_agent_as_it_is():
 @pytest.mark.study
 def test_the_stop_is_trained_for_a_delay_cost():
     run = make_run(
-        ENV, {"delay_cost": 0.1}, load_recipe("stopping", ENV, ALONE), seed=1, steps=60_000
+        ENV,
+        {"delay_cost": 0.1},
+        load_recipe("studies/shipped/stopping.yml", ENV, ALONE),
+        seed=1,
+        steps=60_000,
     )
     # Training goes on from a stop that is good already.
     for layer in run.net.stopping.modules():

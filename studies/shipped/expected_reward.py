@@ -18,13 +18,10 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 import numpy as np
 import torch
 from annotated_types import Ge
+from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from agents.learned.statement_decider import UtilityDecider
-from agents.learned.statement_net import StatementOutputs
-from agents.training.algorithm import NetworkAlgorithm
-from agents.training.settings import NetworkSettings
-from hybrid_env.checks import Count, FloatArray
+from agents import NetworkAlgorithm, NetworkSettings, StatementOutputs, UtilityDecider
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +29,7 @@ class ExpectedRewardSettings(NetworkSettings):
     """Hyper-parameters of an agent that is trained on its expected reward; base class."""
 
     # Ticks of an update; gradients do not reach back beyond its first tick.
-    n_steps: Count
+    n_steps: Annotated[int, Ge(1)]
     # Of the cross-entropy of the present mode, in addition to the reward.
     belief_weight: Annotated[float, Ge(0.0)]
 
@@ -128,7 +125,7 @@ class ExpectedRewardAlgorithm(NetworkAlgorithm):
         metrics = {"expected_reward": reward, "cross_entropy": entropy}
         return self.round_steps, reward, math.nan, metrics
 
-    def _train_on(self, batch: StatementBatch) -> FloatArray:
+    def _train_on(self, batch: StatementBatch) -> NDArray[np.float64]:
         """Make one step of the optimizer for each part; return the means of reward and
         cross-entropy.
         """

@@ -4,37 +4,27 @@ A round is determined by its number, so that a checkpoint between two rounds nee
 than the network and its optimizer.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
 import torch
-from annotated_types import MinLen
+from annotated_types import Ge, MinLen
 from numpy.typing import NDArray
-from torch import nn
 
-from agents.evaluation.task import task_of
-from agents.learned.statement_decider import StatementDecider, UtilityDecider
-from agents.learned.statement_net import statement_inputs
-from agents.training.expected_reward import (
+from agents import StatementDecider, UtilityDecider, statement_inputs, task_of
+from hybrid_env import ArgumentError, HybridTrackQuickestVectorEnv, QuickestOptions
+from studies.shipped.expected_reward import (
     ExpectedRewardAlgorithm,
     ExpectedRewardSettings,
     StatementBatch,
 )
-from agents.training.settings import Factors
-from baselines.recordings.log_uniform import log_uniform
-from baselines.rules import seeds
-from baselines.rules.rollout import statement_env
-from hybrid_env.checks import Count, reject
-from hybrid_env.durations import DRAWN, parse_durations
-from hybrid_env.limits import Ticks
-from hybrid_env.quickest_options import QuickestOptions
+from studies.shipped.random_worlds import log_uniform
 
-
-def law_text(value: Any, name: str) -> str:
-    """Return the text of a law of the durations."""
-    return str(parse_durations(value, name))
+Count = Annotated[int, Ge(1)]
+# The law of an object whose habits are drawn anew in every episode.
+DRAWN = "drawn"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,17 +34,17 @@ class StatementSettings(ExpectedRewardSettings):
     """
 
     # Laws of segments, one environment of every round for each, also repeated.
-    durations: Annotated[tuple[Annotated[str, law_text], ...], MinLen(1)]
+    durations: Annotated[tuple[str, ...], MinLen(1)]
     # Tracks of each environment.
     n_envs: Count
     # Tracks of an update.
     batch_size: Count
     # Bounds of a factor of the measurement variance of the environment.
-    variances: Factors = (1.0, 1.0)
+    variances: tuple[float, float] = (1.0, 1.0)
     # Likewise of its radii.
-    radii: Factors = (1.0, 1.0)
+    radii: tuple[float, float] = (1.0, 1.0)
     # Length of the tracks; None is that of the environment.
-    ticks: Ticks | None = None
+    ticks: Count | None = None
     # Whether the agent has a beam that learns the habits of an object within the episode.
     habits: bool = False
 
@@ -64,19 +54,10 @@ class Statements(ExpectedRewardAlgorithm):
     an environment in which modes are not stated.
     """
 
-    name = "statements"
     Settings: ClassVar[type[StatementSettings]] = StatementSettings
     decider: ClassVar[type[UtilityDecider]] = StatementDecider
     smallest_factor: ClassVar[float] = 0.01
     settings: StatementSettings
-
-    @classmethod
-    def network_of(cls, entry: Mapping[str, Any]) -> nn.Module:
-        """See `NetworkAlgorithm.network_of`."""
-        network: nn.Module = cls.decider.network(
-            entry["hidden"], **({"habits": True} if entry.get("habits") else {})
-        )
-        return network
 
     @property
     def worlds_count(self) -> int:
@@ -90,7 +71,8 @@ class Statements(ExpectedRewardAlgorithm):
 
     def make_env(self, world: QuickestOptions, tracks: int) -> Any:
         """Return an environment of a round."""
-        return statement_env(world, tracks)
+        options = {**vars(world), "decide_every": 1}
+        return HybridTrackQuickestVectorEnv(tracks, "Disabled", tick_info=False, **options)
 
     def simulate(self, world: QuickestOptions, tracks: int, seed: int) -> tuple[NDArray[Any], ...]:
         """Return inputs (T, N, M - 1, k), log-probabilities (T, N, M) and true modes (T, N) of one
@@ -118,15 +100,14 @@ class Statements(ExpectedRewardAlgorithm):
     def prepare(self) -> None:
         task = task_of(self.env_id, self.options)
         if task.switches != self.decider.task:
-            allowed = "an environment in which a mode is stated at every tick"
-            raise reject("env", self.env_id, allowed)
+            raise ArgumentError(f"env={self.env_id}: expected one in which modes are stated")
         self.world: QuickestOptions = task.options
         self._round_tracks = self.worlds_count * self.settings.n_envs
         self.round_steps = self._round_tracks * self.ticks
 
     def batches(self) -> Iterator[StatementBatch]:
         """Simulate the tracks of a round, and divide them at random."""
-        first = seeds.TRAINING + self.seed * 10**9 + self.rounds * self._round_tracks
+        first = 10**12 + self.seed * 10**9 + self.rounds * self._round_tracks
         generator = np.random.default_rng(first)
         count = self.settings.n_envs
         parts = [

@@ -5,7 +5,12 @@ from typing import Any
 import numpy as np
 from numpy.random import Generator
 
-from baselines.recordings.log_uniform import log_uniform
+
+def log_uniform(generator: Generator, low: float, high: float, count: int | None = None) -> Any:
+    """Return a number, or (count,) numbers, between two positive bounds, uniform in their
+    logarithm.
+    """
+    return np.exp(generator.uniform(np.log(low), np.log(high), count))
 
 
 def draw_world(generator: Generator, radii_count: int, beyond: float = 1.0) -> dict[str, Any]:

@@ -13,15 +13,18 @@ from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.distributions import Categorical, MixtureSameFamily, MultivariateNormal
 
-from agents.learned.anchor_inputs import RowRatios, regret_inputs
-from agents.learned.anchor_net import RegretNet
-from agents.training.worlds import Explorer, WorldsAlgorithm, WorldsSettings
-from hybrid_env.checks import Count, Float32Array, FloatArray, IntArray
-from hybrid_env.compiled import TRACE_COLUMNS
-from hybrid_env.vector_env import HybridTrackVectorEnv
+from agents import RowRatios, regret_inputs
+from hybrid_env import HybridTrackVectorEnv
+from studies.shipped.explorer import Count, Explorer, FloatArray, WorldsAlgorithm, WorldsSettings
 
-TRUTH = [TRACE_COLUMNS.index(name) for name in ("x", "vx", "y", "vy")]
+Float32Array = NDArray[np.float32]
+IntArray = NDArray[np.int64]
+# Of the true state in a row of the trace.
+TRUTH = slice(4)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +42,6 @@ class AnchorSettings(WorldsSettings):
 class Anchor(WorldsAlgorithm):
     """A training run of the anchor agent."""
 
-    name = "anchor"
     Settings = AnchorSettings
     settings: AnchorSettings
 
@@ -47,7 +49,7 @@ class Anchor(WorldsAlgorithm):
         """Create networks, optimizer and buffers."""
         super().build()
         # Inputs of the anchor network and whitened errors; declarations and the losses after them.
-        widths = self.net.anchor.inputs + 4, RegretNet.inputs + 1
+        widths = self.net.anchor.inputs + 4, self.net.regret.inputs + 1
         self._samples = [np.zeros((0, width), np.float32) for width in widths]
 
     def draw_margins(self, generator: np.random.Generator, tracks: int) -> FloatArray:
@@ -87,15 +89,32 @@ class Anchor(WorldsAlgorithm):
         """
         losses = [torch.zeros((), requires_grad=True)] * 2
         networks = self.net.anchor, self.net.regret
-        for k, (rows, network, targets) in enumerate(
-            zip(self._samples, networks, (4, 1), strict=True)
-        ):
+        parts = zip(self._samples, networks, (anchor_loss, regret_loss), (4, 1), strict=True)
+        for k, (rows, network, loss, targets) in enumerate(parts):
             if len(rows):
                 drawn = rows[generator.integers(len(rows), size=self.settings.batch_size)]
                 inputs, values = torch.from_numpy(drawn).tensor_split((-targets,), -1)
-                losses[k] = network.loss(inputs, values.squeeze(-1))
+                losses[k] = loss(network, inputs, values.squeeze(-1))
         self.improve(losses[0] + losses[1], 1.0, *networks)
         return [float(loss.detach()) for loss in losses]
+
+
+def anchor_loss(network: Any, inputs: Tensor, errors: Tensor) -> Tensor:
+    """Return the mean negative log-density of whitened errors (n, 4) of anchors."""
+    log_weight, mean, factor = network(inputs)
+    # A training that diverges is found when it is saved.
+    mixture = MixtureSameFamily(
+        Categorical(logits=log_weight, validate_args=False),
+        MultivariateNormal(mean, scale_tril=factor, validate_args=False),
+        validate_args=False,
+    )
+    return -mixture.log_prob(errors).mean()
+
+
+def regret_loss(network: Any, inputs: Tensor, losses: Tensor) -> Tensor:
+    """Return the mean squared error of the predicted losses (n,), from inputs (n, 14)."""
+    predicted = network.base(inputs[:, : network.context]).squeeze(-1) + network(inputs)
+    return (predicted - losses).square().mean()
 
 
 def samples_of(
@@ -115,7 +134,7 @@ def samples_of(
     # Of the anchor in the heading frame, where a segment begins.
     errors = np.zeros((tracks, 4))
     # Inputs for the last declaration of each track, if there is one.
-    declared = np.zeros((tracks, RegretNet.inputs), np.float32)
+    declared = np.zeros((tracks, explorer.agent.net.regret.inputs), np.float32)
     has_declared = np.zeros(tracks, np.bool_)
     for now, seen, going in explorer.ticks():
         if seen.anchors is not None:

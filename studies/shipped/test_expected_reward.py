@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import torch
 
-from agents.learned.statement_net import StatementOutputs
-from agents.training.expected_reward import StatementBatch, change_probabilities, expected_reward
+from agents import StatementOutputs
 from baselines import Statements, measure_statements
+from studies.shipped.expected_reward import StatementBatch, change_probabilities, expected_reward
 
 
 def random_outputs(ticks=4, tracks=2, M=3, seed=0):
