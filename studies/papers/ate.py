@@ -182,7 +182,7 @@ def run_ate(
         ticks = np.full(runs.size, part.shape[1])
         # Of the chosen filter at the decision.
         numbers = np.zeros((runs.size, 1, 9), np.complex128)
-        outputs, ratios, every = [], [], []
+        outputs, ratios_of, every = [], [], []
         for k, measured in enumerate(part.swapaxes(0, 1), start=1):
             filters.step(measured)
             likelihood = filters.log_likelihood
@@ -192,7 +192,7 @@ def run_ate(
             every.append(filters.estimates)
             outputs.append(every[-1][runs, active])
             ratio = likelihood - likelihood[runs, first][:, None]
-            ratios.append(np.where(done[:, None], np.nan, ratio))
+            ratios_of.append(np.where(done[:, None], np.nan, ratio))
             tested = running & (np.arange(shape[1]) != first[:, None])
             largest = np.where(tested, ratio, -np.inf)
             running = running & (ratio > lower)
@@ -224,10 +224,11 @@ def run_ate(
         if not isinstance(filters, PublishedFilters):
             covariance = filters.covariances[runs, active, :4, :4]
         anchor = last
-        results.append((output, active, ticks, ~done, np.stack(ratios, axis=1)))
-    output, decided, times, missed, ratios = zip(*results, strict=True)
-    of_segments = (np.stack(parts, axis=1) for parts in (decided, times, missed))
-    return Tracks(np.concatenate(output, axis=1), *of_segments, np.concatenate(ratios, axis=1))
+        results.append((output, active, ticks, ~done, np.stack(ratios_of, axis=1)))
+    estimates, *of_segments, of_ticks = zip(*results, strict=True)
+    decided, times, missed = (np.stack(parts, axis=1) for parts in of_segments)
+    ratios = np.concatenate(of_ticks, axis=1)
+    return Tracks(np.concatenate(estimates, axis=1), decided, times, missed, ratios)
 
 
 def first_estimate(measurements: FloatArray, tau: float) -> FloatArray:

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 import torch
-from agents.algorithms.stopping import expected_reward, paths_of
-from small_training import small_run
 
-from agents.training.recipe import load_recipe
+from agents import load_recipe
 from agents.training.runs import make_run
 from baselines.rules.rollout import evaluate
+from studies.shipped.stopping import expected_reward, paths_of
+from studies.shipped.test_shipped import small_run
 
 ENV = "hybrid_env:HybridTrackPublished-v0"
 ALONE = (
