@@ -1,16 +1,6 @@
-from baselines.estimation.correction import Huber as Huber
-from baselines.estimation.correction import StudentT as StudentT
 from baselines.estimation.forecast import forecast as forecast
-from baselines.estimation.imm import IMMFilter as IMMFilter
-from baselines.estimation.imm import mixture as mixture
-from baselines.estimation.kalman import KalmanFilter as KalmanFilter
-from baselines.estimation.motion_models import MotionModel as MotionModel
-from baselines.estimation.run_filter import run_filter as run_filter
-from baselines.estimation.smoother import smooth as smooth
-from baselines.estimation.track_filter import TrackFilter as TrackFilter
+from baselines.estimation.mixture import mixture as mixture
 from baselines.estimation.turns import Turn as Turn
-from baselines.recordings.ate import track_ate as track_ate
-from baselines.recordings.given_tracks import GivenTracks as GivenTracks
 from baselines.recordings.online_estimate import OnlineEstimate as OnlineEstimate
 from baselines.recordings.reading.igc import IgcLog as IgcLog
 from baselines.recordings.reading.igc import parse_igc as parse_igc

@@ -2,6 +2,7 @@ from hybrid_env.checks import ArgumentError as ArgumentError
 from hybrid_env.durations import GeometricDurations as GeometricDurations
 from hybrid_env.durations import UniformDurations as UniformDurations
 from hybrid_env.env import HybridTrackEnv as HybridTrackEnv
+from hybrid_env.live import LiveTracks as LiveTracks
 from hybrid_env.noises import GaussianNoise as GaussianNoise
 from hybrid_env.noises import LevyNoise as LevyNoise
 from hybrid_env.noises import OutlierNoise as OutlierNoise

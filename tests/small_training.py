@@ -25,21 +25,6 @@ SMALL_PPO = (
     "n_epochs=2",
     "policy_kwargs.net_arch=[16]",
 )
-SMALL_ANCHOR = (
-    "hidden=8",
-    "buffer_size=200",
-    "batches=2",
-    "batch_size=32",
-    "worlds=[{n_envs: 16}, {n_envs: 4, env: HybridTrackPublishedBank-v0}]",
-    "drawn_worlds=[{radii: 1, worlds: 1, n_envs: 4}]",
-)
-SMALL_STOPPING = (
-    "batch_size=16",
-    "passes=2",
-    "worlds=[{n_envs: 8}, {n_envs: 2, env: HybridTrackPublishedBank-v0}]",
-    "drawn_worlds=[{radii: 1, worlds: 1, n_envs: 2}]",
-)
-SMALL_RHYTHM = ("n_envs=8", "batch_size=8", "n_steps=25", "hidden=6", "ticks=50")
 QUICK = {"ticks": 50, "durations": "uniform 5-20"}
 SCHEME = {"scheme": "random 2x20-30"}
 SMALL_Q = (
@@ -53,8 +38,6 @@ SMALL_Q = (
 PUBLISHED = "HybridTrackPublished-v0"
 KINDS = {
     "ppo": ("ppo", PUBLISHED, SCHEME, SMALL_PPO),
-    "anchor": ("anchor", PUBLISHED, SCHEME, SMALL_ANCHOR),
-    "stopping": ("stopping", PUBLISHED, SCHEME, SMALL_STOPPING),
     "recurrent-ppo": (
         "recurrent-ppo",
         PUBLISHED,
@@ -65,18 +48,7 @@ KINDS = {
     "dqn": ("dqn", PUBLISHED, SCHEME, SMALL_Q),
     "qrdqn": ("qrdqn", PUBLISHED, SCHEME, (*SMALL_Q, "policy_kwargs.n_quantiles=5")),
     "ppo-quickest": ("ppo", "HybridTrackQuickest-v0", QUICK, SMALL_PPO),
-    "statements": (
-        "rhythm",
-        "HybridTrackQuickest-v0",
-        QUICK,
-        (*SMALL_RHYTHM, "durations=[uniform 5-20, geometric 30]", "habits=false"),
-    ),
-    "rhythm": (
-        "rhythm",
-        "HybridTrackQuickest-v0",
-        QUICK,
-        (*SMALL_RHYTHM, "durations=[drawn, geometric 30]"),
-    ),
+    "network": (str(Path(__file__).with_name("small_network.yml")), PUBLISHED, SCHEME, ()),
 }
 """Recipe, environment, its options and changed hyper-parameters."""
 WALL_CLOCK = ("seconds", "time/fps", "time/time_elapsed")

@@ -1,4 +1,5 @@
-"""Training algorithms, one a file: hyper-parameters, what is simulated, and the loss.
+"""Training algorithms of Stable-Baselines3 and sb3-contrib, one a file, with their
+hyper-parameters.
 
 An algorithm is a subclass of `agents.training.algorithm.Algorithm` and registers itself. Those of
 this package are found by the name of their file, those of studies and of users by

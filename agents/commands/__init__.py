@@ -11,11 +11,11 @@ hybridtrack compare --help                         # flags and examples of a com
 hybridtrack --version""",
     "train": """
 hybridtrack train --out runs/ppo --seed 1
-hybridtrack train --recipe anchor --out runs/anchor --measurement-variance 0.5
+hybridtrack train --recipe dqn --out runs/dqn --measurement-variance 0.5
 hybridtrack train --resume runs/ppo --steps 3000000
 hybridtrack train --set n_envs=128 policy_kwargs.net_arch=[32]
 hybridtrack train --modes 'straight, stop, left 5, right 5, accelerate 1'
-hybridtrack train --env HybridTrackQuickest-v0 --recipe rhythm""",
+hybridtrack train --env HybridTrackQuickest-v0 --recipe studies/shipped/rhythm.yml""",
     "evaluate": """
 hybridtrack evaluate ate:1e-6 msprt:0.02 fixed:30 shipped
 hybridtrack evaluate runs/ppo:-1 --episodes 3000 --out ppo.json

@@ -16,10 +16,7 @@ class Train(WorldArguments):
     """
 
     recipe: str = "ppo"
-    """'ppo' (half a minute), 'anchor' (two minutes), 'anchor-all' (for all environments),
-    'stopping' (the learned stop, 20 minutes), 'recurrent-ppo', 'a2c', 'dqn', 'qrdqn', 'rhythm'
-    (HybridTrackQuickest-v0, half an hour), or a YAML file.
-    """
+    """'ppo' (half a minute), 'recurrent-ppo', 'a2c', 'dqn', 'qrdqn', or a YAML file."""
     set: Annotated[tuple[str, ...], shown_default("those of the recipe")] = ()
     """Hyper-parameters to override, such as n_envs=128 policy_kwargs.net_arch=[32]."""
     out: Annotated[Path | None, shown_default("runs/<environment>-<recipe>-seed<seed>")] = None

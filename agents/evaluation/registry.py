@@ -37,8 +37,7 @@ def learned_decider(folder: Path, options: Any) -> Decider:
     task = options.switches
     if saved.task != task:
         raise reject("decider", str(folder), f"a policy for {task} switches")
-    decider: Decider = saved.algorithm.load(saved, options)
-    return decider.changed(title=folder.name)
+    return saved.load(options).changed(title=folder.name)
 
 
 # Ends of the names of files of policies that other libraries write.

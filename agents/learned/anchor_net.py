@@ -18,7 +18,6 @@ from typing import ClassVar
 
 import torch
 from torch import Tensor, nn
-from torch.distributions import Categorical, MixtureSameFamily, MultivariateNormal
 
 from agents.learned.anchor_inputs import log_odds
 from agents.learned.statement_net import GAIN, zero_layer
@@ -64,17 +63,6 @@ class AnchorNet(nn.Module):
             scale * numbers[..., 1:5],
             scale[..., None] * factor,
         )
-
-    def loss(self, inputs: Tensor, errors: Tensor) -> Tensor:
-        """Return the mean negative log-density of whitened errors, (n, 4)."""
-        log_weight, mean, factor = self(inputs)
-        # A training that diverges is found when it is saved.
-        mixture = MixtureSameFamily(
-            Categorical(logits=log_weight, validate_args=False),
-            MultivariateNormal(mean, scale_tril=factor, validate_args=False),
-            validate_args=False,
-        )
-        return -mixture.log_prob(errors).mean()
 
     @torch.no_grad()
     def anchors(
@@ -123,11 +111,6 @@ class RegretNet(nn.Module):
         share = 1.0 - torch.exp(-(inputs[..., -1] / 1e-3).square())
         excess: Tensor = nn.functional.softplus(self.excess(inputs[..., :-1]))
         return share * excess.squeeze(-1)
-
-    def loss(self, inputs: Tensor, losses: Tensor) -> Tensor:
-        """Return the mean squared error of the predicted losses (n,), from inputs (n, 14)."""
-        predicted = self.base(inputs[:, : self.context]).squeeze(-1) + self(inputs)
-        return (predicted - losses).square().mean()
 
 
 class StoppingNet(nn.Module):

@@ -1,7 +1,8 @@
 """A policy on disk: weights as safetensors and a card as JSON. Nothing is unpickled."""
 
+import importlib
 import platform
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -15,15 +16,20 @@ from torch import Tensor
 from agents.algorithms import find_algorithm
 from agents.interface.output_files import atomic_file, write_json
 from agents.interface.world_arguments import CARD
-from agents.learned.torch_defaults import torch_defaults
-from baselines.rules.decider import ANNOUNCED, UNKNOWN
-from hybrid_env.checks import checked, declared_fields, reject
+from agents.learned.torch_defaults import NetworkDecider, Units, torch_defaults
+from baselines.rules.decider import ANNOUNCED, UNKNOWN, Decider
+from hybrid_env.checks import checked, reject
 from hybrid_env.json_files import read_json
 from hybrid_env.observation import Layout, QuickestLayout
 
 WEIGHTS = "policy.safetensors"
 LAYOUTS: dict[str, type[Layout]] = {ANNOUNCED: Layout, UNKNOWN: QuickestLayout}
 
+# Deciders whose weights come with the package, as on their cards.
+OF_PACKAGE = (
+    "agents.learned.anchor_decider:AnchorDecider",
+    "agents.learned.statement_decider:StatementDecider",
+)
 # Bytes.
 LARGEST_FILE = 2**27
 # Of an observation row.
@@ -62,8 +68,8 @@ class SavedPolicy:
 
     folder: Path
     card: dict[str, Any]
-    # Class of the training algorithm.
-    algorithm: Any
+    # Class of the decider, or of the algorithm of a library.
+    kind: Any
     weights: dict[str, Tensor]
 
     @property
@@ -78,7 +84,26 @@ class SavedPolicy:
         than those of today.
         """
         scales = self.card.get("observation_scales")
-        return next((task for task in self.algorithm.tasks if _scales(task) == scales), "")
+        tasks = [self.kind.task] if issubclass(self.kind, NetworkDecider) else self.kind.tasks
+        return next((task for task in tasks if _scales(task) == scales), "")
+
+    def load(self, options: Any) -> Decider:
+        """Return the agent for the options of an environment; None where it needs none."""
+        if issubclass(self.kind, NetworkDecider):
+            return self.kind(load_network(self), *(() if options is None else (options,)))
+        decider: Decider = self.kind.load(self, options)
+        return decider
+
+
+def find_kind(algo: Any, decider: Any) -> Any:
+    """Return the class that decides with weights, by the names on their card: the decider if it is
+    of this package, or that of the algorithm, or the algorithm of a library.
+    """
+    if decider in OF_PACKAGE:
+        module, _, name = decider.partition(":")
+        return getattr(importlib.import_module(module), name)
+    algorithm = find_algorithm(algo)
+    return getattr(algorithm, "decider", algorithm)
 
 
 @torch_defaults()
@@ -88,11 +113,11 @@ def load_policy(folder: Path) -> SavedPolicy:
     """
     try:
         card = read_json(folder / CARD)
-        algo = card["recipe"]["entry"]["algo"]
+        names = card["recipe"]["entry"]["algo"], card.get("decider")
         weights = _read_tensors(folder / WEIGHTS)
     except (OSError, ValueError, KeyError, TypeError, SafetensorError) as error:
         raise unreadable_policy(folder, error) from None
-    policy = SavedPolicy(folder, card, find_algorithm(algo), weights)
+    policy = SavedPolicy(folder, card, find_kind(*names), weights)
     if not policy.task:
         allowed = "a policy trained with the current observation scales; this one has other scales"
         raise reject("run", str(folder), allowed)
@@ -120,17 +145,14 @@ def check_finite(name: str, weights: Tensor) -> Tensor:
 
 
 @torch_defaults()
-def load_network(
-    policy: SavedPolicy, network_of: Callable[[Mapping[str, Any]], torch.nn.Module]
-) -> torch.nn.Module:
-    """Return the network of an agent, which `network_of` creates for the hyper-parameters on its
-    card; `ArgumentError` if weights and card do not match.
+def load_network(policy: SavedPolicy) -> torch.nn.Module:
+    """Return the network of an agent, for the hyper-parameters on its card; `ArgumentError` if
+    weights and card do not match.
     """
     try:
-        hidden = declared_fields(policy.algorithm.Settings)["hidden"]
-        checked("hidden", policy.entry["hidden"], hidden)
+        checked("hidden", policy.entry["hidden"], Units)
         with torch.device("meta"):
-            net = network_of(policy.entry)
+            net: torch.nn.Module = policy.kind.network_of(policy.entry)
         load_weights(net, policy.weights)
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
         raise unreadable_policy(policy.folder, error) from None

@@ -8,6 +8,7 @@ are further inputs.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -128,6 +129,11 @@ class StatementDecider(UtilityDecider):
             branches = max(16, 3 * world.hypotheses)
             self.beam = BeamDecider(world, branches=branches, joined=True, prior=PRIOR)
             self.observes = "tracks"
+
+    @classmethod
+    def network_of(cls, entry: Mapping[str, Any]) -> StatementNet:
+        """See `NetworkDecider.network_of`."""
+        return cls.network(entry["hidden"], habits=bool(entry.get("habits")))
 
     @classmethod
     def network(cls, hidden: int, habits: bool = False) -> StatementNet:

@@ -2,14 +2,18 @@
 before.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, nullcontext
-from typing import Any, Literal
+from typing import Annotated, Any, Literal, TypeAlias
 
 import torch
+from annotated_types import Interval
 
 from baselines.rules.decider import Decider
 from hybrid_env.rendering.evidence import EvidencePanel
+
+# Units of a hidden layer.
+Units: TypeAlias = Annotated[int, Interval(ge=1, le=512)]
 
 
 @contextmanager
@@ -32,13 +36,23 @@ def torch_defaults() -> Iterator[None]:
 
 
 class NetworkDecider(Decider):
-    """Base class of the deciders with a network, all of whose methods run with `torch_defaults`."""
+    """Base class of the deciders with a network, all of whose methods run with `torch_defaults`.
+    One that is trained by an algorithm has `network`, which creates the network with a number of
+    hidden units.
+    """
 
     def __init_subclass__(cls, **keywords: Any):
         super().__init_subclass__(**keywords)
         for name in ("observe", "predict", "decide", "evidence"):
             if name in vars(cls):
                 setattr(cls, name, torch_defaults()(vars(cls)[name]))
+
+    @classmethod
+    def network_of(cls, entry: Mapping[str, Any]) -> torch.nn.Module:
+        """Return an untrained network for the hyper-parameters of a recipe or card."""
+        kind: Any = cls
+        network: torch.nn.Module = kind.network(entry["hidden"])
+        return network
 
     def log_odds_panel(
         self, below: float, above: float, curves: Literal["single", "hypothesis"]

@@ -3,7 +3,7 @@
 import math
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, TypeAlias
@@ -14,7 +14,7 @@ from torch.optim import Optimizer
 
 from agents.algorithms import REGISTERED
 from agents.interface.output_files import output_folder, write_json
-from agents.learned.policy_file import SavedPolicy, load_network, package_versions, save_policy
+from agents.learned.policy_file import package_versions, save_policy
 from agents.learned.torch_defaults import torch_defaults
 from agents.training import checkpoint, run_folder
 from agents.training.learning_curve import LearningCurve, environment_curve
@@ -88,14 +88,6 @@ class Algorithm(ABC):
     def run_name(cls, env_id: str, recipe: str) -> str:
         """Return the name of the folder of a run, from environment and recipe."""
         return f"{env_id.rpartition(':')[2]}-{recipe}"
-
-    @classmethod
-    @abstractmethod
-    def load(cls, saved: SavedPolicy, options: Any) -> Decider:
-        """Return the agent of weights and card.
-
-        `options` are those of the environment; None where agents decide without one.
-        """
 
     @torch_defaults()
     def __init__(
@@ -293,23 +285,6 @@ class NetworkAlgorithm(Algorithm):
             cls.switches = cls.decider.task
             cls.tasks = (cls.switches,)
 
-    @classmethod
-    def load(cls, saved: SavedPolicy, options: Any) -> Decider:
-        """See `Algorithm.load`."""
-        return cls.decide_by(load_network(saved, cls.network_of), options)
-
-    @classmethod
-    def network_of(cls, entry: Mapping[str, Any]) -> nn.Module:
-        """Return an untrained network for the hyper-parameters of a recipe or card."""
-        network: nn.Module = cls.decider.network(entry["hidden"])
-        return network
-
-    @classmethod
-    def decide_by(cls, network: nn.Module, options: Any) -> Decider:
-        """Return the agent with a network; `options` as for `load`."""
-        decider: Decider = cls.decider(network, *(() if options is None else (options,)))
-        return decider
-
     def prepare(self) -> None:
         """Check and create what is to be simulated, before there is a network."""
 
@@ -328,7 +303,8 @@ class NetworkAlgorithm(Algorithm):
 
     def create_network(self) -> nn.Module:
         """Return the network at the beginning of the training."""
-        return self.network_of(vars(self.settings))
+        network: nn.Module = self.decider.network_of(vars(self.settings))
+        return network
 
     def improve(self, loss: Tensor, largest: float, *parts: nn.Module) -> None:
         """Make a step of the optimizer; `largest` is the norm of the gradient of each part of the
@@ -342,7 +318,16 @@ class NetworkAlgorithm(Algorithm):
 
     def agent(self, title: str) -> Decider:
         """See `Algorithm.agent`; for the environment of the run."""
-        return self.decide_by(self.network, self.world).changed(title=title)
+        world = () if self.world is None else (self.world,)
+        decider: Decider = self.decider(self.network, *world).changed(title=title)
+        return decider
+
+    def card(self) -> dict[str, Any]:
+        """See `Algorithm.card`; with the decider, for which the algorithm need not be imported if
+        it is of this package.
+        """
+        name = f"{self.decider.__module__}:{self.decider.__qualname__}"
+        return super().card() | {"decider": name}
 
     def values(self) -> dict[str, Any]:
         """See `Algorithm.values`: a round is determined by its number, unless there is more."""

@@ -142,7 +142,7 @@ class LibraryAlgorithm(Algorithm):
 
     @classmethod
     def load(cls, saved: SavedPolicy, options: Any) -> Decider:
-        """See `Algorithm.load`."""
+        """Return the agent of weights and card, for the options of an environment."""
         try:
             types = saved.card.get("types")
             if types not in (None, [*options.type_names]):

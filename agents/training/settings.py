@@ -6,7 +6,8 @@ from typing import Annotated, Any, TypeAlias
 
 from annotated_types import Interval
 
-from hybrid_env.checks import Checked, Positive, checked, reject
+from agents.learned.torch_defaults import Units
+from hybrid_env.checks import Checked, checked, reject
 
 Factor: TypeAlias = Annotated[float, Interval(gt=0.0, le=1.0)]
 
@@ -29,14 +30,13 @@ def check_rate(value: Any, name: str) -> str | float:
 
 
 LearningRate: TypeAlias = Annotated[str | float, check_rate]
-Factors: TypeAlias = tuple[Positive, Positive]
 
 
 @dataclass(frozen=True, kw_only=True)
 class NetworkSettings(Checked):
     """Hyper-parameters of all agents whose networks are of this package; base class."""
 
-    # Units of each hidden layer.
-    hidden: Annotated[int, Interval(ge=1, le=512)]
+    # Of each hidden layer.
+    hidden: Units
     # Constant, or "lin_" and the initial value for linear decay.
     learning_rate: LearningRate

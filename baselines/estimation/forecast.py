@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baselines.estimation.imm import mixture
+from baselines.estimation.mixture import mixture
 from baselines.estimation.turns import begin_standing, begin_turn, predict_turn
 from hybrid_env.checks import FloatArray, Moments, PositiveOrZero, check_array, checked, reject
 from hybrid_env.compiled import compiled, prepare, turn_coefficients

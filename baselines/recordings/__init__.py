@@ -6,8 +6,6 @@ A recording (`recording`, read by `reading`) becomes uniform ticks (`ticks`) wit
 `decisions` gives the rows to `tracker`, the decider on a live sensor, which returns an
 `online_estimate` after each: `clock` has its ticks, `sensor_units` its units, `start` its first
 estimate and its gate, `track_state` what it remembers, and `settings` what it takes from a
-recording. A piece lies between two gaps or switches. `ate` decides the segments between known
-switches as in the papers, with the published bank on arrays of positions; `given_tracks` puts given
-paths in place of the object of an environment. May import: `hybrid_env`, and `estimation`,
-`scoring` and `rules` of `baselines`.
+recording. A piece lies between two gaps or switches. May import: `hybrid_env`, and
+`estimation`, `scoring` and `rules` of `baselines`.
 """

@@ -5,7 +5,7 @@ the declaration. Each filter of a decider gives the state of the object if its h
 
 import numpy as np
 
-from baselines.estimation.imm import mixture
+from baselines.estimation.mixture import mixture
 from baselines.rules.component_filters import Anchors, ComponentFilters, speeds, stated_anchors
 from baselines.rules.decider import Observations
 from baselines.rules.measurements import run_compiled

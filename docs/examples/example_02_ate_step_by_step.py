@@ -13,9 +13,10 @@ the log-likelihood ratios to the mode decided last, and decides when one of them
 import matplotlib.pyplot as plt
 import numpy as np
 
-from baselines import sprt_thresholds, track_ate
+from baselines import sprt_thresholds
 from hybrid_env.rendering.evidence import mode_colour, mode_name
 from hybrid_env.simulation import simulate
+from studies.papers.ate import track_ate
 
 radii = [5.0]  # hypotheses: straight, left turn, right turn
 recording = simulate("S50 L60r5 R75r5 S50", seed=3)
@@ -27,12 +28,11 @@ print(measurements.shape, recording.lengths)
 # are below the lower one.
 
 alpha = 1e-3
-found = track_ate(
-    measurements, recording.lengths, radii=radii, measurement_variance=0.1, alpha=alpha
-)
+tracks = track_ate(recording.measurements, recording.lengths, radii=radii, alpha=alpha)
+decided, decision_ticks = tracks.decided[0], tracks.ticks[0]
 upper, lower = sprt_thresholds(alpha)
 begins = np.cumsum(recording.lengths) - recording.lengths
-for begin, mode, tick in zip(begins, found.decided, found.ticks, strict=True):
+for begin, mode, tick in zip(begins, decided, decision_ticks, strict=True):
     print(f"segment from tick {begin + 1}: {mode_name(mode, radii)}, decided after {tick} ticks")
 
 # %%
@@ -45,7 +45,7 @@ for mode in range(3):
         part = slice(begin, begin + recording.lengths[k])
         label = mode_name(mode, radii) if k == 0 else None
         axes.plot(
-            ticks[part], found.ratios[part, mode], color=mode_colour(mode, radii), label=label
+            ticks[part], tracks.ratios[0, part, mode], color=mode_colour(mode, radii), label=label
         )
 for threshold in (lower, upper):
     axes.hlines(threshold, 0, len(ticks), color="0.3", linestyle="--", linewidth=1)
@@ -69,16 +69,20 @@ plt.show()
 figure, axes = plt.subplots(figsize=(9, 5), layout="constrained")
 axes.plot(*measurements.T, ".", color="0.75", markersize=4, label="measurements")
 axes.plot(*recording.truth[0][:, [0, 2]].T, color="black", linewidth=1, label="truth")
-estimates = found.estimates[:, [0, 2]]
+estimates = tracks.estimates[0][:, [0, 2]]
+# Mode of the estimate at every tick: the old one up to the decision.
+old = np.concatenate([[0], decided[:-1]])
+parts = np.column_stack([decision_ticks, recording.lengths - decision_ticks])
+modes = np.repeat(np.column_stack([old, decided]), parts.ravel())
 for mode in range(3):
-    chosen = np.where((found.modes == mode)[:, None], estimates, np.nan)
+    chosen = np.where((modes == mode)[:, None], estimates, np.nan)
     axes.plot(
         *chosen.T,
         color=mode_colour(mode, radii),
         linewidth=2,
         label=f"estimate, {mode_name(mode, radii)}",
     )
-decisions = estimates[begins + found.ticks - 1]
+decisions = estimates[begins + decision_ticks - 1]
 axes.plot(*decisions.T, "kx", markersize=8, markeredgewidth=2, label="decision")
 axes.set(xlabel="x, m", ylabel="y, m", aspect="equal")
 axes.legend(frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))

@@ -13,7 +13,7 @@ Simulate your motion in NumPy, and give the measurements to a decider: nothing o
 import matplotlib.pyplot as plt
 import numpy as np
 
-from baselines import track_ate
+from studies.papers.ate import track_ate
 
 tau, radius, speed, variance, lengths = 0.1, 5.0, 2.0, 0.1, (50, 80)
 

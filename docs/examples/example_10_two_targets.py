@@ -33,10 +33,13 @@ from stonesoup.types.state import GaussianState, WeightedGaussianState
 from stonesoup.types.update import GaussianMixtureUpdate, Update
 from stonesoup.updater import Updater
 
-from baselines import IMMFilter, KalmanFilter, MotionModel, OnlineTracker, ThresholdDecider
+from baselines import OnlineTracker, ThresholdDecider
 from hybrid_env import QuickestOptions
 from hybrid_env.rendering.evidence import mode_colour, mode_name
 from hybrid_env.simulation import simulate
+from studies.filters.imm import IMMFilter
+from studies.filters.kalman import KalmanFilter
+from studies.filters.motion_models import MotionModel
 
 tau, variance, radii = 0.1, 0.01, (5.0,)
 down = simulate(

@@ -14,7 +14,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from baselines import KalmanFilter, MotionModel, run_filter, smooth
+from studies.filters.kalman import KalmanFilter
+from studies.filters.motion_models import MotionModel
+from studies.filters.run_filter import run_filter
+from studies.filters.smoother import smooth
 from studies.flights.flight import Flight, stack_flights
 from studies.flights.turns import LEFT, RIGHT, STRAIGHT, Batch, BoolArray, FloatArray, IntArray
 

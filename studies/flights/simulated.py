@@ -16,6 +16,7 @@ from scipy.signal import lfilter
 from studies.flights.flight import Flight, Tier
 from studies.flights.labels import LabelRules, Labels, Pair, label_flight, spans
 from studies.flights.turns import STRAIGHT, FloatArray
+from studies.shipped.random_worlds import log_uniform
 
 # Step of the integration [s].
 GRID = 0.5
@@ -166,11 +167,6 @@ def fly(
     flight = Flight(identity, tier, times, positions)
     true_rates, speed = (np.interp(times, grid, values) for values in (rates, speeds))
     return flight, label_flight(flight, true_rates, speed, LabelRules())
-
-
-def log_uniform(generator: Generator, low: float, high: float, count: int | None = None) -> Any:
-    """Return a number, or (count,) numbers, that are uniform in their logarithm."""
-    return np.exp(generator.uniform(np.log(low), np.log(high), count))
 
 
 def flown_path(

@@ -9,7 +9,10 @@ import pytest
 from scipy.stats import multivariate_t
 
 from agents import run_command
-from baselines import KalmanFilter, MotionModel, ThresholdDecider, run_filter
+from baselines import ThresholdDecider
+from studies.filters.kalman import KalmanFilter
+from studies.filters.motion_models import MotionModel
+from studies.filters.run_filter import run_filter
 from studies.flights.__main__ import Flights
 from studies.flights.flight import TIERS, Flight, stack_flights
 from studies.flights.labels import LEFT, RIGHT, STRAIGHT, label_flights, spans

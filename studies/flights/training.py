@@ -16,7 +16,6 @@ from annotated_types import Ge, Interval, MinLen
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from agents import ExpectedRewardAlgorithm, ExpectedRewardSettings, StatementBatch
 from baselines import ThresholdDecider
 from hybrid_env import ArgumentError
 from studies.flights.agent import FlightAgent, log_probabilities
@@ -24,6 +23,11 @@ from studies.flights.flight import TIERS, Flight, stack_flights
 from studies.flights.labels import Labels, label_flights
 from studies.flights.simulated import draw_world, simulate_flight
 from studies.flights.turns import run_turn_imm
+from studies.shipped.expected_reward import (
+    ExpectedRewardAlgorithm,
+    ExpectedRewardSettings,
+    StatementBatch,
+)
 
 Simulated = tuple[list[Flight], list[Labels], list[float]]
 """Flights, their labels, and usual steps [s]."""

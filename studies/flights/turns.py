@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from baselines import MotionModel, mixture
+from baselines import mixture
+from studies.filters.motion_models import MotionModel
 
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]

@@ -14,10 +14,11 @@ from numpy.random import Generator
 
 from studies.flights.flight import Flight
 from studies.flights.labels import Labels
-from studies.flights.simulated import GRID, coloured, flown_path, log_uniform
+from studies.flights.simulated import GRID, coloured, flown_path
 from studies.flights.turns import FloatArray, IntArray
 from studies.gliders.circling import air_motion, label_glider
 from studies.gliders.logs import error_tier
+from studies.shipped.random_worlds import log_uniform
 
 # Ranges of the settings of a flight, log-uniform: winds, speeds and deviations of them [m/s], turn
 # rates [deg/s], times [s], shares.

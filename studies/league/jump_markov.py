@@ -17,15 +17,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from agents import (
-    StatementBatch,
-    StatementNet,
-    StatementOutputs,
-    Statements,
-    StatementSettings,
-    UtilityDecider,
-    turn_views,
-)
+from agents import StatementNet, StatementOutputs, UtilityDecider, turn_views
 from hybrid_env import HybridTrackQuickestVectorEnv, QuickestOptions
 from studies.league.kalman import (
     KalmanNet,
@@ -36,6 +28,8 @@ from studies.league.kalman import (
     two_by_two,
 )
 from studies.league.segments import each_tensor, where
+from studies.shipped.expected_reward import StatementBatch
+from studies.shipped.statements import Statements, StatementSettings
 
 # Of the logarithm of a probability or a likelihood.
 LOWEST_LOG = -15.0

@@ -8,8 +8,8 @@ that of the estimate, and an extended Kalman filter corrects them.
 
 import numpy as np
 
-from baselines import sprt_thresholds
 from hybrid_env import Simulation
+from studies.papers.ate import run_ate
 from studies.papers.published import FloatArray, IntArray
 from studies.papers.setting import Setting
 
@@ -88,9 +88,14 @@ class AnchoredFilters:
             self.log_likelihood -= 0.5 * surprise
         self.states, self.covariances = states, covariances
 
+    @property
+    def estimates(self) -> FloatArray:
+        """(n, M, 4) estimates [x, vx, y, vy]."""
+        return self.states[..., :4]
+
 
 def anchored_ate(
-    recording: Simulation, setting: Setting, variance: float, exact: bool, reset: bool = False
+    recording: Simulation, setting: Setting, variance: float, exact: bool
 ) -> tuple[FloatArray, IntArray, IntArray]:
     """Return estimates (n, T, 4), decided modes and decision times (n, K) of ATE, whose test is
     that of Golubkov 2018, algorithm 1.
@@ -101,46 +106,13 @@ def anchored_ate(
     Args:
         recording, setting, variance: n runs of T ticks and K segments, and R [m^2].
         exact: see `AnchoredFilters`.
-        reset: P := I at every switch, as published.
     """
-    upper, lower = sprt_thresholds(setting.alpha)
-    filters = AnchoredFilters(setting, variance, exact)
-    runs = np.arange(len(recording.measurements))
-    anchor, covariance = (
-        np.tile(setting.start, (runs.size, 1)),
-        np.tile(np.eye(4), (runs.size, 1, 1)),
+    tracks = run_ate(
+        AnchoredFilters(setting, variance, exact),
+        recording.measurements,
+        recording.lengths,
+        np.tile(setting.start, (len(recording.measurements), 1)),
+        alpha=setting.alpha,
+        recalculation="rewind" if setting.ate else "none",
     )
-    active = np.zeros(runs.size, np.int64)
-    estimates, decisions, times = [], [], []
-    parts = np.split(recording.measurements, recording.lengths.cumsum()[:-1], axis=1)
-    for part in parts:
-        filters.begin(anchor, np.tile(np.eye(4), (runs.size, 1, 1)) if reset else covariance)
-        running = np.ones((runs.size, filters.radii.size), np.bool_)
-        reference, decided = active.copy(), np.zeros(runs.size, np.bool_)
-        ticks = np.full(runs.size, part.shape[1])
-        outputs, every = [], []
-        for k, measured in enumerate(part.swapaxes(0, 1), start=1):
-            filters.step(measured)
-            every.append(filters.states[..., :4])
-            outputs.append(every[-1][runs, active])
-            ratios = filters.log_likelihood - filters.log_likelihood[runs, reference][:, None]
-            tested = running.copy()
-            tested[runs, reference] = False
-            largest = np.where(tested, ratios, -np.inf)
-            running &= ratios > lower
-            left = (tested & running).any(1)
-            best = np.where(largest.max(1) >= upper, largest.argmax(1), reference)
-            new = ~decided & ((largest.max(1) >= upper) | ~left)
-            active[new], ticks[new] = best[new], k
-            decided |= new
-        output = np.stack(outputs, axis=1)
-        if setting.ate.get("recalculation"):
-            before = (np.arange(part.shape[1]) < ticks[:, None]) & decided[:, None]
-            again = np.stack(every, axis=1)[runs, :, active]
-            output = np.where(before[..., None], again, output)
-        estimates.append(output)
-        decisions.append(active.copy())
-        times.append(ticks)
-        anchor = filters.states[runs, active, :4]
-        covariance = filters.covariances[runs, active, :4, :4]
-    return np.concatenate(estimates, axis=1), np.stack(decisions, axis=1), np.stack(times, axis=1)
+    return tracks.estimates, tracks.decided, tracks.ticks

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines import track_ate
 from hybrid_env import Simulation, simulate
+from studies.papers.ate import track_ate
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Setting:
         return simulate(**(known | options), runs=runs, seed=seed)
 
     def track(self, recording: Simulation, variance: float, **options: Any) -> Any:
-        """Run ATE with R [m^2]; options are those of `baselines.track_ate`."""
+        """Run ATE with R [m^2]; options are those of `track_ate`."""
         known: dict[str, Any] = {
             "start": self.start,
             "radii": self.radii,

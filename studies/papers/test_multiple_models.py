@@ -93,16 +93,6 @@ def test_anchored_filters_equal_the_bank_of_the_package(bank):
     np.testing.assert_allclose(ours.covariances[0, :, :4, :4], theirs.covariances, atol=1e-11)
 
 
-def test_with_p_reset_at_every_switch_it_is_the_published_algorithm():
-    recording = GOLUBKOV_2018.simulate(20, 1, 0.1)
-    tracks = GOLUBKOV_2018.track(recording, 0.1)
-    estimates, decided, ticks = anchored_ate(recording, GOLUBKOV_2018, 0.1, True, reset=True)
-
-    np.testing.assert_array_equal(decided, tracks.decided)
-    np.testing.assert_array_equal(ticks, tracks.ticks)
-    np.testing.assert_allclose(estimates, tracks.estimates, atol=1e-9)
-
-
 def test_a_recalculated_segment_is_that_of_the_decided_filter_from_the_switch_on():
     recording = TSYGANOV_2019.simulate(3, 5, 0.1)
     estimates, decided, _ = anchored_ate(recording, TSYGANOV_2019, 0.1, True)

@@ -13,7 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from baselines import KalmanFilter, MotionModel, TrackFilter, run_filter
+from studies.filters.kalman import KalmanFilter
+from studies.filters.motion_models import MotionModel
+from studies.filters.run_filter import run_filter
+from studies.filters.track_filter import TrackFilter
 from studies.papers.published import FloatArray, Reproduction, intervals, table_row
 
 # Length of a tick [s], and R [m^2].

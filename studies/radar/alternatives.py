@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from baselines import MotionModel, TrackFilter
+from studies.filters.motion_models import MotionModel
+from studies.filters.track_filter import TrackFilter
 from studies.radar.flights import FloatArray
 
 

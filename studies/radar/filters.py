@@ -13,7 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 from optuna.distributions import BaseDistribution, FloatDistribution, IntDistribution
 
-from baselines import Huber, IMMFilter, KalmanFilter, MotionModel, StudentT, TrackFilter, run_filter
+from studies.filters.correction import Huber, StudentT
+from studies.filters.imm import IMMFilter
+from studies.filters.kalman import KalmanFilter
+from studies.filters.motion_models import MotionModel
+from studies.filters.run_filter import run_filter
+from studies.filters.track_filter import TrackFilter
 from studies.radar.alternatives import Correntropy, GHFilter
 from studies.radar.flights import SPEED, FloatArray
 from studies.radar.particles import ParticleFilter

@@ -5,7 +5,8 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 from scipy.stats import t
 
-from baselines import MotionModel, TrackFilter
+from studies.filters.motion_models import MotionModel
+from studies.filters.track_filter import TrackFilter
 from studies.radar.flights import FloatArray
 
 

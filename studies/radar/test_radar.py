@@ -9,7 +9,9 @@ import pytest
 from scipy.stats import norm
 
 from agents import run_command
-from baselines import KalmanFilter, MotionModel, run_filter
+from studies.filters.kalman import KalmanFilter
+from studies.filters.motion_models import MotionModel
+from studies.filters.run_filter import run_filter
 from studies.radar import flights as model
 from studies.radar import radars, tuning
 from studies.radar.__main__ import Radar

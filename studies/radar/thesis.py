@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 from scipy.linalg import solve_discrete_are
 
-from baselines import MotionModel
+from studies.filters.motion_models import MotionModel
 from studies.papers.published import Finding, FloatArray, Reproduction, intervals, table_row
 from studies.radar.filters import THESIS, UNTRIED
 from studies.radar.flights import FLIGHTS, point_mass_flights

@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from agents import draw_world
 from hybrid_env import RandomScheme
+from studies.shipped.random_worlds import draw_world
 
 NOMINAL = "nominal"
 RHYTHMS: dict[str, dict[str, Any]] = {

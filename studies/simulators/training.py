@@ -14,9 +14,11 @@ from annotated_types import Ge
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from agents import Statements, StatementSettings
-from baselines import GivenTracks, record_statements
+from baselines import record_statements
 from hybrid_env import ArgumentError, QuickestOptions
+from studies.shipped.random_worlds import log_uniform
+from studies.shipped.statements import Statements, StatementSettings
+from studies.simulators.given_tracks import GivenTracks
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,11 +55,6 @@ class Inexact(Statements):
     def make_env(self, world: QuickestOptions, tracks: int) -> Any:
         """See `Statements.make_env`."""
         return GivenTracks(inexact_travel, world, tracks, likeliest=True)
-
-
-def log_uniform(generator: Generator, low: float, high: float, count: int | None = None) -> Any:
-    """Return a number, or (count,) numbers, uniform in their logarithm."""
-    return np.exp(generator.uniform(np.log(low), np.log(high), count))
 
 
 def draw_options(generator: Generator, options: QuickestOptions) -> QuickestOptions:

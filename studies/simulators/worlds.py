@@ -6,11 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from agents import find_decider, task_of
-from baselines import GivenTracks, Scores, measure_statements, record_in
+from baselines import Scores, measure_statements, record_in
 from hybrid_env import QuickestLayout, QuickestOptions
 from studies.simulators.aircraft import Aircraft
 from studies.simulators.airliners import Airliner
 from studies.simulators.cars import RoadNet
+from studies.simulators.given_tracks import GivenTracks
 from studies.simulators.vehicles import CONTROL, FloatArray, IntArray, Vehicle
 
 VEHICLES: dict[str, Vehicle] = {

@@ -8,9 +8,6 @@ import numpy as np
 import pytest
 
 from baselines import BeamDecider, OnlineTracker, SPRTDecider, ThresholdDecider
-from baselines.estimation.imm import IMMFilter
-from baselines.estimation.kalman import KalmanFilter
-from baselines.estimation.motion_models import MotionModel
 from baselines.rules.refiltering import RefilteringDecider
 from hybrid_env import KalmanBank, QuickestOptions, WorldOptions
 from hybrid_env.live import LiveTracks
@@ -48,23 +45,7 @@ def tracker(options, decider):
     return OnlineTracker(options, decider), lambda tracker, k: tracker.update(POINTS[k])[2:5]
 
 
-def kinematic(track_filter):
-    """Return a filter of two tracks, and a step in which one has no measurement: the other
-    changes in place.
-    """
-    track_filter.begin(2)
-    track_filter.update(POINTS[:2])
-
-    def step(track_filter, k):
-        track_filter.predict(0.1)
-        track_filter.update(np.array([POINTS[k], [np.nan, np.nan]]))
-        return track_filter.state.copy(), track_filter.log_likelihood.copy()
-
-    return track_filter, step
-
-
 QUICKEST = QuickestOptions()
-KALMAN = KalmanFilter(MotionModel("CV", axes=2, noise=1.0), 0.1, start_deviations=[3.0])
 KINDS = {
     "environment": lambda: environment(gym.make("HybridTrack-v0").unwrapped),
     "quickest environment": lambda: environment(gym.make("HybridTrackQuickest-v0").unwrapped),
@@ -79,8 +60,6 @@ KINDS = {
     "tracker": lambda: tracker(QUICKEST, ThresholdDecider()),
     "tracker of a beam": lambda: tracker(QUICKEST, BeamDecider(QUICKEST, branches=5)),
     "announced tracker": lambda: tracker(WorldOptions(), SPRTDecider()),
-    "Kalman filter": lambda: kinematic(KALMAN),
-    "IMM": lambda: kinematic(IMMFilter([KALMAN] * 2, sojourns=10.0)),
     "tracker with filters": lambda: tracker(WorldOptions(), RefilteringDecider(WorldOptions())),
 }
 

@@ -1,4 +1,4 @@
-"""Measure the speed of environment, bank, tracker, study and training, against CartPole and
+"""Measure the speed of environment, bank, tracker and training, against CartPole and
 filterpy.
 """
 
@@ -24,7 +24,6 @@ GROUPS: dict[str, Callable[[], Iterator[Measurement]]] = {
     "banks": environments.banks,
     "bank": filters.bank_step,
     "online": programs.online_tracker,
-    "study": filters.study_2018,
     "training": programs.training,
     "growth": growth.growth,
     "startup": growth.start_up,

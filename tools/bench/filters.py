@@ -1,6 +1,4 @@
-"""Speed of a bank's step and of a paper's study against filterpy, with a 4x4 filter for each
-hypothesis.
-"""
+"""Speed of a bank's step against filterpy, with a 4x4 filter for each hypothesis."""
 
 import importlib.util
 import math
@@ -11,17 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines import track_ate
 from hybrid_env import KalmanBank
-from hybrid_env.simulation import simulate
-from tools.bench import timing
 from tools.bench.environments import BANKS
-from tools.bench.timing import Measurement, measure_in_turn, seconds_per_call, speed_ratio
+from tools.bench.timing import Measurement, measure_in_turn, speed_ratio
 
 TAU, Q, R = 0.1, 0.001, 0.1
-# State [x, vx, y, vy] one tick before the first measurement, and radii [m] of Golubkov 2018.
+# State [x, vx, y, vy] one tick before the first measurement, of Golubkov 2018.
 START = (0.0, 0.0, 0.0, 2.0)
-RADII = tuple(map(float, range(1, 11)))
 H = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
 GQG = Q * np.diag([0.0, 1.0, 0.0, 1.0])
 
@@ -35,30 +29,6 @@ def bank_step() -> Iterator[Measurement]:
         bank.anchor(START)
         times = measure_in_turn(partial(bank.step, measurement), partial(peer.step, measurement))
         yield speed_ratio("bank step", f"{name}, against filterpy", *times)
-
-
-def study_2018() -> Iterator[Measurement]:
-    """ATE over 100 runs of the 2018 scheme against filterpy filters, extrapolated from some
-    ticks.
-    """
-    if not has_filterpy():
-        return
-    recording = simulate("golubkov2018", 100, 0, start=START)
-    ate = partial(track_ate, recording.measurements, recording.lengths, START, radii=RADII)
-    # While the whole bank runs.
-    bank_ticks = int(ate().ticks.sum())
-    alone_ticks = recording.measurements[:, :, 0].size - bank_ticks
-    z = np.array([0.1, 0.2])
-    bank = FilterpyBank(RADII)
-    alone = FilterpyBank(())
-    ours = []
-    theirs = []
-    for _ in range(timing.REPETITIONS):
-        ours.append(seconds_per_call(ate))
-        bank_time, alone_time = (seconds_per_call(partial(peer.step, z)) for peer in (bank, alone))
-        theirs.append(bank_ticks * bank_time + alone_ticks * alone_time)
-    name = f"100 runs, R2, from {timing.SECONDS} s of each kind of tick"
-    yield speed_ratio("2018 study against filterpy", name, ours, theirs, 2000.0)
 
 
 def has_filterpy() -> bool:

@@ -1,13 +1,11 @@
-"""The anchor agent: invariances, loss and decisions."""
+"""The anchor agent: invariances and decisions."""
 
 import functools
 from dataclasses import replace
 
 import numpy as np
-import pytest
 import torch
 from online_episodes import COMMON, same_as_announced
-from scipy.stats import multivariate_normal
 
 from agents.evaluation.registry import load_decider
 from agents.learned.anchor_decider import AnchorDecider, Odds
@@ -125,24 +123,6 @@ def test_one_network_applies_to_any_bank_and_does_not_depend_on_the_order_of_rad
     order = [0, 3, 2, 1, 6, 5, 4]
 
     np.testing.assert_allclose(posteriors[0], posteriors[1][..., order], atol=1e-4)
-
-
-def test_the_loss_of_the_anchors_is_the_density_of_the_mixture():
-    net = random_agent(WorldOptions()).net.anchor
-    inputs, errors = torch.randn(5, net.inputs), torch.randn(5, 4)
-    with torch.no_grad():
-        log_weight, mean, factor = net(inputs)
-        weight = log_weight.exp().double()
-        covariance = (factor @ factor.mT).double()
-        density = [
-            sum(
-                weight[i, c]
-                * multivariate_normal(mean[i, c].double(), covariance[i, c]).pdf(errors[i])
-                for c in range(weight.shape[1])
-            )
-            for i in range(5)
-        ]
-        assert net.loss(inputs, errors).item() == pytest.approx(-np.log(density).mean(), rel=1e-4)
 
 
 def test_a_wrong_radius_costs_what_the_network_predicts_where_only_the_type_is_rewarded():

@@ -14,7 +14,7 @@ from small_training import log_often, small_run
 from agents.evaluation.registry import load_decider, policy_folder
 from agents.interface.world_arguments import WorldArguments
 from agents.learned.policy_file import CARD, WEIGHTS
-from baselines.rules.decider import ANNOUNCED
+from baselines.rules.decider import ANNOUNCED, UNKNOWN
 from hybrid_env import WorldOptions
 from hybrid_env.registration import make_track_vector_env
 
@@ -64,8 +64,10 @@ def decide(folder):
     return actions
 
 
-@pytest.fixture(scope="module", params=["ppo", "statements"])
+@pytest.fixture(scope="module", params=["ppo", "robust"])
 def trained(request, tmp_path_factory):
+    if request.param == "robust":
+        return policy_folder("robust", UNKNOWN)
     folder = tmp_path_factory.mktemp("run")
     with pytest.MonkeyPatch.context() as patch:
         log_often(patch.setattr)

@@ -44,7 +44,7 @@ def test_shipped_agents_decide_the_same(agent, set_defaults):
     np.testing.assert_array_equal(results(*agent), expected)
 
 
-@pytest.mark.parametrize("kind", ["ppo", "anchor"])
+@pytest.mark.parametrize("kind", ["ppo", "network"])
 def test_a_step_of_training_gives_the_same_weights(kind, set_defaults):
     weights = []
     for change in (lambda: None, set_defaults):

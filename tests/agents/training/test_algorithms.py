@@ -16,14 +16,13 @@ from hybrid_env import ArgumentError, WorldOptions
 
 ENV = "hybrid_env:HybridTrackPublished-v0"
 SOURCE = """
-from agents.algorithms.anchor import Anchor
+from small_network import Small
 
-class Mine(Anchor):
+class Mine(Small):
     pass
 """
 RECIPE = """
-default: {algo: "own_algorithm:Mine", n_timesteps: 200, hidden: 4, batches: 2, batch_size: 8,
-  learning_rate: 0.01, worlds: [{n_envs: 4}]}
+default: {algo: "own_algorithm:Mine", n_timesteps: 200, hidden: 4, n_envs: 4, learning_rate: 0.01}
 """
 
 
@@ -58,6 +57,6 @@ def test_weights_name_an_algorithm_of_a_user_which_they_do_not_import(tmp_path, 
     monkeypatch.delitem(sys.modules, "own_algorithm")
     monkeypatch.delitem(find_algorithm.__globals__["REGISTERED"], "own_algorithm:Mine")
     for use in (lambda folder: find_decider(str(folder), options), resume_run):
-        with pytest.raises(ArgumentError, match="a2c, anchor, dqn"):
+        with pytest.raises(ArgumentError, match="a2c, dqn"):
             use(run.folder)
     assert "own_algorithm" not in sys.modules

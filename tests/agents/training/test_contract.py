@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,6 +30,7 @@ from hybrid_env.checks import ArgumentError
 
 ENV = "hybrid_env:HybridTrackPublished-v0"
 KILLS = 6
+ROOT = Path(__file__).parents[3]
 
 
 @pytest.fixture(autouse=True)
@@ -54,7 +56,9 @@ def start(kind, folder, steps, save_every=0.05):
     """Start a training in another process; return when it begins."""
     # -P, because the folder of the script has a subfolder named as the package `agents`.
     line = [sys.executable, "-P", small_training.__file__, kind, folder, steps, save_every]
-    process = subprocess.Popen([*map(str, line)], stdout=subprocess.PIPE, text=True)
+    folders = [ROOT, ROOT / "tests"]
+    env = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, folders))}
+    process = subprocess.Popen([*map(str, line)], stdout=subprocess.PIPE, text=True, env=env)
     assert process.stdout.readline() == "training\n"
     return process
 
@@ -66,7 +70,7 @@ def kill(process):
 
 
 def test_every_algorithm_of_the_package_is_tested():
-    assert {load_recipe(KINDS[kind][0], ENV).algo for kind in KINDS} == set(algorithm_names())
+    assert {load_recipe(KINDS[kind][0], ENV).algo for kind in KINDS} >= set(algorithm_names())
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -89,7 +93,8 @@ def test_a_run_folder_has_card_metrics_and_an_equivalent_decider(kind, whole):
     recipe, env, options, _ = KINDS[kind]
 
     assert card["environment"] == f"hybrid_env:{env}"
-    assert (card["options"], card["recipe"]["name"], card["seed"]) == (options, recipe, 3)
+    name = Path(recipe).stem
+    assert (card["options"], card["recipe"]["name"], card["seed"]) == (options, name, 3)
     world = (QuickestOptions if "Quickest" in env else WorldOptions)(**options)
     decided = [
         record_statements(decider, 3, 3, **options).stated_modes
@@ -101,7 +106,7 @@ def test_a_run_folder_has_card_metrics_and_an_equivalent_decider(kind, whole):
 
 
 @pytest.mark.study
-@pytest.mark.parametrize("kind", ["ppo", "anchor", "stopping", "rhythm"])
+@pytest.mark.parametrize("kind", ["ppo", "network"])
 def test_a_run_killed_at_random_moments_equals_an_uninterrupted_one(kind, tmp_path):
     steps = 5 * STEPS
     output, _ = start(kind, tmp_path / "whole", steps).communicate()
@@ -187,12 +192,3 @@ def test_ppo_learns_to_wait_and_beats_immediate_declarations():
     # Immediate declarations earn -.35, no declarations -.50; the standard error of 900 segments is
     # about .03.
     assert decisions.reward.mean() > 0.2
-
-
-def test_training_increases_the_expected_reward():
-    rewards = []
-    run = small_run("statements", steps=1)
-    run.steps = 40 * run.round_steps
-    run.train(lambda progress: rewards.append(progress.reward))
-
-    assert np.mean(rewards[-10:]) > np.mean(rewards[:10])

@@ -16,7 +16,6 @@ SMALL = load_recipe(
 INVALID = [
     ("ppo", "batch_size", 1000),
     ("ppo", "unknown", 3),
-    ("anchor", "worlds", [{"tracks": 3}]),
     ("recurrent-ppo", "policy_kwargs", {"n_lstm_layers": 10**9}),
 ]
 

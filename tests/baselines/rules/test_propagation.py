@@ -5,7 +5,6 @@ import pytest
 from matrix_filters import MatrixExtendedKalmanFilter, MatrixKalmanFilter, jacobian, move
 from scipy.stats import chi2
 
-from agents.algorithms.anchor import anchor_errors
 from baselines.rules.anchor_errors import AnchorErrors
 from baselines.rules.component_filters import ComponentFilters, speeds, stated_anchors
 from baselines.rules.measurements import axes_in_rows, in_rows, split_sensed
@@ -142,6 +141,22 @@ def whitened_errors(episodes, alpha=0.003, robust=False, **options):
             break
         truth = env.world.field("truth").copy()
     return np.concatenate(whites)
+
+
+def anchor_errors(env, tracks, before):
+    """Return (true state - anchor) of tracks that have just been switched, (n, 4), in the heading
+    frame; `before` are the true states before the step, (n, 4).
+    """
+    errors = []
+    for track, truth in zip(tracks, before, strict=True):
+        # The last row is the first tick of the next segment.
+        trace = env.world.read_trace(track)[:-1]
+        truth = trace[-1, :4] if len(trace) else truth
+        anchor = env.world.field("anchor")[track]
+        turn = heading_of(anchor[1], anchor[3])
+        position, velocity = ((truth - anchor)[k::2] for k in (0, 1))
+        errors.append(np.stack([turn @ position, turn @ velocity], axis=1).ravel())
+    return np.reshape(errors, (-1, 4))
 
 
 def mean_bounds(n):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from baselines import FixedTimeDecider, SPRTDecider, sprt_thresholds
+from baselines.rules.rollout import evaluate
 from baselines.rules.sprt import sprt_test
 from hybrid_env.core.observation_row import LOG_SCALE, TICK_SCALE
 from hybrid_env.observation import Layout
@@ -101,3 +102,15 @@ def test_fixed_time_declares_the_most_likely_hypothesis_at_its_decision_time():
     decider = FixedTimeDecider(10)
     assert decider.predict(row([0.0, 3.0, 1.0], 9, 0))[0].tolist() == [0]
     assert decider.predict(row([0.0, 3.0, 1.0], 10, 0))[0].tolist() == [2]
+
+
+@pytest.mark.parametrize(("alpha", "accuracy", "ticks"), [(0.1, 0.846, 20.4), (1e-6, 0.986, 31.5)])
+def test_ate_has_the_accuracy_and_decision_time_of_an_independent_implementation(
+    alpha, accuracy, ticks
+):
+    # 9,000 segments: standard errors of at most .004 and .1 tick; tolerances .012 and .6.
+    decisions = evaluate(
+        SPRTDecider(alpha), "hybrid_env:HybridTrackPublished-v0", episodes=1500, seed=123
+    )
+    assert decisions.correct.mean() == pytest.approx(accuracy, abs=0.012)
+    assert decisions.ticks.mean() == pytest.approx(ticks, abs=0.6)

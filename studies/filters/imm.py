@@ -1,0 +1,159 @@
+"""The interacting multiple model (IMM) filter. Blom & Bar-Shalom 1988, "The interacting multiple
+model algorithm for systems with Markovian switching coefficients". Logarithms of probabilities are
+stored, so that none is lost in an outlier. Rows of a transition matrix sum to 1.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import logsumexp
+
+from baselines import mixture
+from studies.filters.kalman import KalmanFilter, resized
+from studies.filters.track_filter import FloatArray, Moments, TrackFilter
+
+
+class IMMFilter(TrackFilter):
+    """The IMM filter of CV, CA and CJ models; turn rates, F, B and Q of your own and a transition
+    matrix go to the bank of `modes=` and `transitions=` (`QuickestOptions`, `OnlineTracker`), and
+    without mixing to `KalmanBank(modes=...)`.
+
+    There is one Kalman filter per model, and a Markov chain of models in continuous time.
+
+    The state has the size of the largest model; derivatives that a model lacks are 0 in it.
+    Derivatives that two models share are mixed. One that only one of them has is distributed as at
+    the start of a track, with mean 0 and the variance of its `start_deviations`: a variance of 0
+    would make the filter blind to the first seconds of a manoeuvre (Granstrom, Willett & Bar-Shalom
+    2015, "Systematic approach to IMM mixing for unequal dimension states"). `nis` is that of the
+    merged prediction.
+
+    Args:
+        filters: Kalman filters, plain or robust, with the same number of axes. A filter with more
+            derivatives than another one needs `start_deviations`.
+        sojourns: mean time in each model [s], one number or one per model, > 0. The next model is
+            any of the others with equal probability.
+    """
+
+    # Smaller probabilities count as this one.
+    smallest = 1e-300
+    covariance: FloatArray
+
+    def __init__(self, filters: Sequence[KalmanFilter], sojourns: float | ArrayLike):
+        orders = [track_filter.order for track_filter in filters]
+        self.filters = list(filters)
+        count = len(filters)
+        self.axes = filters[0].axes
+        self.order = max(orders)
+        times = np.broadcast_to(np.asarray(sojourns, float), count)
+        self._stationary = times / times.sum()
+        others = (np.ones((count, count)) - count * np.eye(count)) / (count - 1)
+        # Of the rates of change [1/s], whose rows sum to 0.
+        self._rates, self._vectors = np.linalg.eig(others / times[:, None])
+        self._inverse = np.linalg.inv(self._vectors)
+
+    @property
+    def probabilities(self) -> FloatArray:
+        """(B, M) of the models."""
+        return np.exp(self._log_probabilities)
+
+    @property
+    def estimates(self) -> Moments:
+        """Estimates of the models, (B, M, n), and their covariances, (B, M, n, n)."""
+        return self._estimates_with(self.order, None)
+
+    def _estimates_with(self, order: int, variances: FloatArray | None) -> Moments:
+        """Return the estimates of the models with the same number of values per axis, see
+        `resized`.
+        """
+        parts = [
+            resized(track_filter.state, track_filter.covariance, self.axes, order, variances)
+            for track_filter in self.filters
+        ]
+        state, covariance = (np.stack(values, axis=1) for values in zip(*parts, strict=True))
+        return state, covariance
+
+    def begin(self, tracks: int) -> None:
+        """See `TrackFilter.begin`."""
+        for track_filter in self.filters:
+            track_filter.begin(tracks)
+        self._log_probabilities = np.tile(np.log(self._stationary), (tracks, 1))
+        self._merge()
+        self._no_measurement()
+
+    def begin_from(
+        self, state: ArrayLike, covariance: ArrayLike, probabilities: ArrayLike | None = None
+    ) -> None:
+        """Forget everything and begin all tracks with estimates (B, n), or (B, M, n) of the models
+        as `estimates`, and their covariances (n, n), (B, n, n) or (B, M, n, n).
+
+        Derivatives that a model lacks are not used. `probabilities`, (B, M), are of the models;
+        None uses those of a long time.
+        """
+        means = np.asarray(state, float)
+        matrices = np.asarray(covariance, float)
+        self.begin(len(means))
+        if probabilities is not None:
+            self._log_probabilities = np.log(np.maximum(probabilities, self.smallest))
+        for j, track_filter in enumerate(self.filters):
+            mean = means if means.ndim == 2 else means[:, j]
+            matrix = matrices[:, j] if matrices.ndim == 4 else matrices
+            spread = np.broadcast_to(matrix, (*mean.shape, mean.shape[-1]))
+            each = resized(mean, spread, self.axes, track_filter.order, None)
+            track_filter.begin_from(*each)
+        self._merge()
+
+    def transition(self, dt: float | FloatArray) -> FloatArray:
+        """Transition matrix of the models, (M, M) or (B, M, M), in a time step [s] or (B,) of
+        them.
+        """
+        powers = np.exp(self._rates * np.asarray(dt)[..., None])
+        steps = (self._vectors * powers[..., None, :]) @ self._inverse
+        return np.clip(np.real(steps), 0.0, 1.0)
+
+    def predict(self, dt: float | FloatArray) -> None:
+        """See `TrackFilter.predict`."""
+        with np.errstate(divide="ignore"):
+            # Before, after.
+            joint = np.log(self.transition(dt)) + self._log_probabilities[:, :, None]
+        after = logsumexp(joint, axis=1)
+        # Of the filters before the step, in row j for model j.
+        weights = np.exp(joint - after[:, None, :]).swapaxes(1, 2)
+        mixed = [
+            mixture(
+                *self._estimates_with(track_filter.order, track_filter.start_variances),
+                weights[:, j, None],
+            )
+            for j, track_filter in enumerate(self.filters)
+        ]
+        for track_filter, (state, covariance) in zip(self.filters, mixed, strict=True):
+            track_filter.state = state[:, 0]
+            track_filter.covariance = covariance[:, 0]
+            track_filter.predict(dt)
+        self._log_probabilities = np.maximum(after, np.log(self.smallest))
+        self._merge()
+
+    def update(self, measurement: ArrayLike, noise: FloatArray | None = None) -> None:
+        """See `TrackFilter.update`."""
+        noises = [track_filter.noise if noise is None else noise for track_filter in self.filters]
+        spread = self.covariance[:, :: self.order, :: self.order] + sum(
+            p[:, None, None] * each for p, each in zip(self.probabilities.T, noises, strict=True)
+        )
+        # NaN without a measurement.
+        innovation = (np.asarray(measurement, float) - self.position)[..., None]
+        nis = innovation.mT @ np.linalg.inv(spread) @ innovation
+        self.nis = nis[:, 0, 0]
+        for track_filter in self.filters:
+            track_filter.update(measurement, noise)
+        each = np.stack([track_filter.log_likelihood for track_filter in self.filters], axis=-1)
+        joint = self._log_probabilities + each
+        self.log_likelihood = logsumexp(joint, axis=1)
+        posterior = joint - self.log_likelihood[:, None]
+        self._log_probabilities = np.maximum(posterior, np.log(self.smallest))
+        self._merge()
+
+    def _merge(self) -> None:
+        """Compute mean and covariance of the mixture of all models."""
+        state, covariance = mixture(*self.estimates, self.probabilities[:, None])
+        self.state = state[:, 0]
+        self.covariance = covariance[:, 0]

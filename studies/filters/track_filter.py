@@ -1,0 +1,70 @@
+"""The interface of all filters of kinematic models: B tracks, real time steps, missing
+measurements.
+"""
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+# Means and covariances.
+Moments = tuple[FloatArray, FloatArray]
+
+
+class TrackFilter(ABC):
+    """A filter for the positions of B tracks in d dimensions.
+
+    A track begins with its first measurement. Until then its state is NaN.
+    """
+
+    # Number of dimensions d.
+    axes: int
+    # Number of values per axis of the state, m.
+    order: int
+    # (B, n) estimates, position and derivatives axis by axis, [x, vx, y, vy] for m = 2 and d = 2.
+    state: FloatArray
+    # (B, n, n) of the state; None if the filter has none.
+    covariance: FloatArray | None
+    # (B,) of the last measurement given those before; 0 without a measurement and for the one that
+    # begins a track; NaN if the filter has no likelihood.
+    log_likelihood: FloatArray
+    # (B,) normalized innovation squared, chi-square with d degrees of freedom if the model holds;
+    # NaN without a measurement.
+    nis: FloatArray
+
+    @property
+    def tracks(self) -> int:
+        """Number of tracks B."""
+        return len(self.state)
+
+    @property
+    def position(self) -> FloatArray:
+        """(B, d) estimated positions [m]."""
+        return self.state[:, :: self.order]
+
+    @property
+    def velocity(self) -> FloatArray:
+        """(B, d) estimated velocities [m/s]."""
+        return self.state[:, 1 :: self.order]
+
+    @abstractmethod
+    def begin(self, tracks: int) -> None:
+        """Forget everything; `tracks` tracks begin with their first measurements."""
+
+    @abstractmethod
+    def predict(self, dt: float | FloatArray) -> None:
+        """Advance by a time step [s], >= 0, one number or (B,)."""
+
+    @abstractmethod
+    def update(self, measurement: FloatArray, noise: FloatArray | None = None) -> None:
+        """Correct by the measurements of one moment, (B, d) positions [m]; a track whose
+        measurement has a NaN only predicts.
+
+        `noise` is their covariance in the place of that of the filter, (d, d) or (B, d, d) [m^2].
+        """
+
+    def _no_measurement(self) -> None:
+        """Set what belongs to a measurement as without one."""
+        self.log_likelihood, self.nis = np.zeros(self.tracks), np.full(self.tracks, np.nan)

@@ -1,0 +1,1 @@
+"""Training of the agents whose weights come with the package."""
