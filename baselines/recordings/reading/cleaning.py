@@ -1,14 +1,10 @@
 """Rows of an object that are no measurements of their own: they are left out and counted."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from baselines.recordings.reading.table import Table
 from baselines.recordings.reading.values import DAY
 from hybrid_env.checks import BoolArray, FloatArray, IntArray
-
-if TYPE_CHECKING:
-    from baselines.recordings.reading.files import Table
 
 # Fewer steps do not tell how an object moves.
 FEWEST = 20
@@ -57,7 +53,7 @@ def times_are_rounded(times: FloatArray, positions: FloatArray) -> bool:
 
 
 def ordered_rows(
-    table: "Table",
+    table: Table,
     seconds: FloatArray,
     rows: IntArray,
     positions: FloatArray | None = None,
@@ -193,23 +189,23 @@ def look_like_degrees(times: FloatArray, positions: FloatArray) -> bool:
     return bool(np.median(speeds) < 0.01 and offset > max(2.0 * extent.max(), 1.0))
 
 
-def reasons(table: "Table") -> str:
+def reasons(table: Table) -> str:
     """Return what was left out and why."""
     return ", ".join(f"{reason} ({len(lines):,})" for reason, lines in table.left_out.items())
 
 
-def causes(table: "Table") -> str:
+def causes(table: Table) -> str:
     """Return the reasons, and what helps if they are that several objects are taken for one."""
     several = "; if rows are of several objects, name their column by --object"
     return reasons(table) + several * (ELSEWHERE in table.left_out)
 
 
-def remarks(table: "Table") -> list[str]:
+def remarks(table: Table) -> list[str]:
     """Return phrases about what was assumed and left out."""
     return [*dict.fromkeys(table.notes)] + [f"left out: {reasons(table)}"] * bool(table.left_out)
 
 
-def lost(table: "Table") -> int:
+def lost(table: Table) -> int:
     """Return the number of rows left out that should have been measurements."""
     harmless = (
         "lines before the header",

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -16,11 +15,9 @@ from baselines.recordings.reading.names import (
     role_of,
     split_unit,
 )
+from baselines.recordings.reading.table import Table
 from baselines.recordings.reading.values import parse_numbers
 from hybrid_env.checks import ArgumentError, reject
-
-if TYPE_CHECKING:
-    from baselines.recordings.reading.files import Table
 
 
 @dataclass
@@ -35,7 +32,7 @@ class Columns:
 
 
 def find_columns(
-    table: "Table",
+    table: Table,
     columns: Mapping[str, str] | None,
     object_column: str | None,
     axes: Sequence[tuple[str, ...]] = (("x", "y"), ("lat", "lon")),
@@ -118,7 +115,7 @@ def find_columns(
     return Columns(roles, unused, bool(given))
 
 
-def _is_fraction(table: "Table", column: int) -> bool:
+def _is_fraction(table: Table, column: int) -> bool:
     """Whether a column has parts of a second, beside times of whole seconds."""
     unit = SECONDS.get(split_unit(table.names[column])[1] or "s", 1.0)
     if unit == 1.0:
@@ -127,7 +124,7 @@ def _is_fraction(table: "Table", column: int) -> bool:
     return bool(0.0 <= unit * np.nanmax(numbers, initial=-1.0) < 1.0)
 
 
-def _split_positions(table: "Table") -> None:
+def _split_positions(table: Table) -> None:
     """Add columns of latitude and longitude, if there is a column of texts that hold both."""
     pair = r"^[^\d+-]*([-+]?\d+\.\d+)[^\d.+-]+([-+]?\d+\.\d+)\W*$"
     for k, name in enumerate(table.names):
@@ -143,7 +140,7 @@ def _split_positions(table: "Table") -> None:
             return
 
 
-def numbered_column(table: "Table", option: str, name: str) -> int:
+def numbered_column(table: Table, option: str, name: str) -> int:
     """Return the number from 0 of a column that is given by its name or its number from 1."""
     wanted = name.strip().lower()
     same = [k for k, other in enumerate(table.names) if other.strip().lower() == wanted and wanted]
@@ -155,7 +152,7 @@ def numbered_column(table: "Table", option: str, name: str) -> int:
     return same[0]
 
 
-def object_column_of(table: "Table", used: set[int]) -> int | None:
+def object_column_of(table: Table, used: set[int]) -> int | None:
     """Return the column by whose values objects differ, by its name. One that is different in every
     row is a number of the row; one that is the same in every row names the object.
     """

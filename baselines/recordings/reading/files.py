@@ -7,7 +7,7 @@ import os
 import re
 import zlib
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,8 @@ import pyarrow.parquet
 
 from baselines.recordings.reading.igc import is_igc, parse_igc
 from baselines.recordings.reading.names import role_of
-from hybrid_env.checks import ArgumentError, IntArray, reject
+from baselines.recordings.reading.table import Table
+from hybrid_env.checks import ArgumentError, reject
 
 KINDS = "a CSV, TSV, Parquet, GPX or IGC file"
 
@@ -72,44 +73,6 @@ HEADS = {
     "Geolife": (6, PLT),
 }
 """Lines before the rows and names of the columns of files without names, by their first words."""
-
-
-@dataclass(eq=False)
-class Table:
-    """Cells of a file, before it is known what they mean."""
-
-    # Its path for messages, shortened.
-    file: str
-    # One column for each of `names`, labelled by its number from 0.
-    frame: pd.DataFrame
-    # Of the columns as in the file; empty for a column without a name.
-    names: tuple[str, ...]
-    # (n,) number of the line of each row in the file, from 1.
-    lines: IntArray
-    # Whether the file names its columns.
-    headed: bool = True
-    # (n,) number of the segment of a GPX track of each row.
-    segments: IntArray | None = None
-    # Lines that were left out, by the reason.
-    left_out: dict[str, list[int]] = field(default_factory=dict)
-    # What was assumed, for the summary.
-    notes: list[str] = field(default_factory=list)
-
-    def label(self, column: int) -> str:
-        """Return the name of a column for a message."""
-        return self.names[column] or f"column {column + 1}"
-
-    def leave_out(self, reason: str, lines: Any) -> None:
-        """Note lines that are left out."""
-        if len(lines):
-            self.left_out.setdefault(reason, []).extend(int(line) for line in lines)
-
-    def listed(self) -> str:
-        """Return the names of the columns for a message."""
-        if not any(self.names):
-            return f"it has {len(self.names)} columns without names"
-        shown = [name for name in self.names if name][:8]
-        return f"its columns are {', '.join(shown)}{' ...' * (len(self.names) > 8)}"
 
 
 def read_table(path: str | os.PathLike[str]) -> Table:

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from baselines.recordings.reading.cleaning import ordered_rows, remarks
 from baselines.recordings.reading.columns import Columns, numbered_column, object_column_of
-from baselines.recordings.reading.files import Table, read_table
+from baselines.recordings.reading.files import read_table
 from baselines.recordings.reading.names import ONE_OBJECT, plain_name, role_of
 from baselines.recordings.reading.read import cell_text, object_rows, read_times
+from baselines.recordings.reading.table import Table
 from baselines.recordings.reading.values import Times
 from baselines.recordings.recording import dates_since
 from hybrid_env.checks import ArgumentError, FloatArray, reject

@@ -13,9 +13,10 @@ import pandas as pd
 from baselines.recordings.projection import centred_projection
 from baselines.recordings.reading import cleaning
 from baselines.recordings.reading.columns import Columns, find_columns
-from baselines.recordings.reading.files import Table, read_table
+from baselines.recordings.reading.files import read_table
 from baselines.recordings.reading.names import DEGREES, PARTS, SECONDS, plain_name, split_unit
 from baselines.recordings.reading.summary import summary
+from baselines.recordings.reading.table import Table
 from baselines.recordings.reading.values import (
     Times,
     in_degrees,

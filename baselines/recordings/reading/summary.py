@@ -4,7 +4,7 @@ import numpy as np
 
 from baselines.recordings.reading import cleaning
 from baselines.recordings.reading.columns import Columns
-from baselines.recordings.reading.files import Table
+from baselines.recordings.reading.table import Table
 from baselines.recordings.reading.values import Times
 from baselines.recordings.recording import Recording
 
