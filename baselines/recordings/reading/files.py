@@ -9,7 +9,6 @@ import zlib
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import gpxpy
 import numpy as np
@@ -59,21 +58,6 @@ class Limits:
 
 LIMITS = Limits()
 
-MARKS = {b"\xff\xfe\0\0": "utf-32", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
-"""Encodings by the first bytes of a file."""
-
-PLT = "lat,lon,first,altitude,days,date,time"
-HEADS = {
-    "MSG,": (
-        0,
-        "message,transmission,session,aircraft,hex,flight_number,date,time,date_logged,time_logged,"
-        "callsign,altitude,speed,heading,lat,lon,vertical_rate,squawk,alert,emergency,spi,ground",
-    ),
-    "OziExplorer": (6, PLT),
-    "Geolife": (6, PLT),
-}
-"""Lines before the rows and names of the columns of files without names, by their first words."""
-
 
 def read_table(path: str | os.PathLike[str]) -> Table:
     """Read the cells of a file.
@@ -92,7 +76,7 @@ def read_table(path: str | os.PathLike[str]) -> Table:
         log = parse_igc(file, content)
         frame = pd.DataFrame(dict(enumerate((log.times, log.latitudes, log.longitudes))))
         names = ("time", "lat", "lon")
-        return Table(file, frame, names, np.arange(1, len(frame) + 1), notes=log.notes)
+        return Table(file, frame, names, np.arange(1, len(frame) + 1), notes=[*log.notes])
     if start[:4] in (b"PK\x03\x04", b"\xd0\xcf\x11\xe0"):
         raise reject("file", file, f"{KINDS}, not a workbook or archive: export it as CSV")
     return _read_text(content, file)
@@ -140,20 +124,19 @@ def _read_parquet(content: bytes, file: str) -> Table:
         rows = stored.metadata.num_rows
         LIMITS.check(file, rows=rows, columns=len(kept), cells=rows * len(kept))
         table = stored.read(columns=kept, use_threads=False)
-        # The index of pandas, whose columns have no names of their own, is the first column.
-        index = [name.startswith("__index_level_") for name in table.column_names]
-        long = [_is_long(column) for column in table.columns]
-        order = [k for k in np.argsort(np.invert(index), kind="stable").tolist() if not long[k]]
+        long = [k for k, column in enumerate(table.columns) if _is_long(column)]
+        unread = [table.column_names[k] for k in long]
+        table = table.select(np.delete(np.arange(len(kept)), long).tolist())
         # What pandas says about the columns may be damaged.
-        frame = table.select(order).to_pandas(ignore_metadata=True)
+        frame = table.to_pandas(ignore_metadata=True)
+    except ArgumentError:
+        raise
     except (pa.ArrowException, OSError, ValueError, TypeError, OverflowError) as error:
-        if isinstance(error, ArgumentError):
-            raise
         raise ArgumentError(f"{file}: the Parquet file is damaged ({error})") from None
     if not rows:
         raise reject("file", file, "a file with rows, not an empty table")
-    names = tuple("" if index[k] else table.column_names[k] for k in order)
-    unread = [name for name, is_long in zip(table.column_names, long, strict=True) if is_long]
+    # An index of pandas without a name.
+    names = tuple("" if "__index_level_" in name else name for name in table.column_names)
     notes = [f"columns of long texts, which are not read: {', '.join(unread)}"] if unread else []
     frame = frame.set_axis(range(len(names)), axis=1)
     return Table(file, frame, names, np.arange(1, rows + 1), notes=notes)
@@ -182,39 +165,26 @@ def _read_gpx(content: bytes, file: str) -> Table:
     notes: list[str] = []
     # It is text now, whatever its first line says of the bytes.
     text = re.sub(r"^\s*<\?xml[^>]*>", "", _decoded(content, file, notes))
-    text = re.sub(r"&(?!#?\w+;)", "&amp;", text)
-    whole, _, rest = text.rpartition("</trkpt>")
-    if whole and "</gpx>" not in rest:
-        text = whole + "</trkpt></trkseg></trk></gpx>"
-        notes.append("the end of the file is missing")
     try:
         gpx = gpxpy.parse(text)
     except (gpxpy.gpx.GPXException, ValueError, TypeError, LookupError, RecursionError) as error:
         reason = " ".join(str(error).split())[:100]
         raise ArgumentError(f"{file}: the file begins as XML but is not GPX ({reason})") from None
-    tracks: list[Any] = gpx.tracks or gpx.routes
     points = [
-        (
-            point.time,
-            point.latitude,
-            point.longitude,
-            track.name or f"track {number}",
-            (number, part),
-        )
-        for number, track in enumerate(tracks, start=1)
-        for part, segment in enumerate(getattr(track, "segments", [track]))
+        (point.time, point.latitude, point.longitude, track.name or f"track {number}", segment)
+        for number, track in enumerate(gpx.tracks, start=1)
+        for segment in track.segments
         for point in segment.points
     ]
-    frame = pd.DataFrame(points, columns=["time", "lat", "lon", "track_id", "segment"])
-    if frame.empty:
-        raise reject("file", file, "a GPX file with points of a track or route")
-    segments = pd.factorize(frame.pop("segment"))[0]
-    times = frame.pop("time").astype(object)
-    if times.notna().any():
-        frame.insert(0, "time", pd.to_datetime(times, utc=True))
-    names = tuple(frame.columns)
+    if not points:
+        raise reject("file", file, "a GPX file with points of a track: convert other XML to it")
+    names = ("time", "lat", "lon", "track_id")
+    frame = pd.DataFrame(points)
+    segments = pd.factorize(frame.pop(len(names)).map(id))[0]
+    frame[0] = pd.to_datetime(frame[0].astype(object), utc=True)
+    if frame[0].isna().all():
+        frame, names = frame.drop(columns=0).set_axis(range(3), axis=1), names[1:]
     lines = np.arange(1, len(frame) + 1)
-    frame = frame.set_axis(range(len(names)), axis=1)
     return Table(file, frame, names, lines, segments=segments, notes=notes)
 
 
@@ -224,72 +194,59 @@ def _read_text(content: bytes, file: str) -> Table:
     notes: list[str] = []
     texts = _decoded(content, file, notes).split("\n")
     LIMITS.check(file, line=max(map(len, texts)))
-    if all(re.fullmatch(r'"[^"]*"', text) for text in texts if text):
-        texts = [text[1:-1] for text in texts]
     rows = [(number, text) for number, text in enumerate(texts, start=1) if text.strip()]
     if not rows:
         raise reject("file", file, "rows of numbers, not an empty file")
-    if re.match(r"\$G|!AIVD", rows[0][1]):
-        raise reject("file", file, f"{KINDS}, not sentences of NMEA or AIS: decode them first")
-    for start, (lines, columns) in HEADS.items():
-        if rows[0][1].startswith(start):
-            notes.append(f"columns are {columns[:60]} ...")
-            rows = [(0, columns), *rows[lines:]]
+    if re.match(r"\$G|!AIVD|[{\[]", rows[0][1]):
+        raise reject("file", file, f"{KINDS}, not sentences of NMEA or AIS or JSON: convert them")
     delimiter, header = _form([text for _, text in rows[:200]])
     first = 0 if header is None else header + 1
     # Units, or more names.
     while header is not None and first < len(rows) - 1 and not re.search(r"\d", rows[first][1]):
         first += 1
     title = "" if header is None else rows[header][1]
-    head = [] if header is None else _cells(title.lstrip("#% "), delimiter)
     sample = [_cells(text, delimiter) for _, text in rows[first : first + 200]]
     if not sample:
         raise reject(f"{file}, line {rows[-1][0]}", rows[-1][1][:60], "rows of numbers after it")
     width = Counter(map(len, sample)).most_common(1)[0][0]
     LIMITS.check(file, columns=width, cells=width * len(rows))
+    head = _cells(title.lstrip("#% "), delimiter)
     if len(head) == width - 1:
         # The name of the row, as pandas writes it, or an empty cell at the end.
-        head = [*head, ""] if not any(cells[-1] for cells in sample) else ["", *head]
+        head = ["", *head] if any(cells[-1] for cells in sample) else [*head, ""]
     if len(head) < width:
         head = re.split(r"[\s;|,]+", title.strip("#% "))
     names = tuple(head[:width]) if len(head) >= width else ("",) * width
-    table = Table(file, pd.DataFrame(), names, np.empty(0, int), header is not None, notes=notes)
-    table.leave_out("lines before the header", [number for number, _ in rows[: header or 0]])
-    if header is not None:
-        below = [number for number, _ in rows[header + 1 : first]]
-        table.leave_out("lines without numbers below the header", below)
-    rows = rows[first:]
-    blank = set(range(rows[0][0], rows[-1][0])) - {number for number, _ in rows}
-    table.leave_out("blank lines", sorted(blank))
-    comments = [number for number, text in rows if text.lstrip().startswith(("#", "%", "//"))]
-    repeated = [number for number, text in rows if head and text == title]
-    table.leave_out("comments", comments)
-    table.leave_out("repeated headers", repeated)
-    others = {*comments, *repeated}
-    rows = [(number, text) for number, text in rows if number not in others]
-    texts = [text for _, text in rows]
-    table.frame, wrong = _parsed(texts, delimiter, width, file)
-    if wrong:
-        numbers = table.frame.apply(pd.to_numeric, errors="coerce").notna().mean()
-        needed = [role_of(name) is not None for name in names]
-        for k in wrong:
-            texts[k] = _aligned(texts[k], delimiter, (numbers > 0.5).tolist(), needed)
-        table.frame, wrong = _parsed(texts, delimiter, width, file)
-    table.leave_out("rows with another number of cells", [rows[k][0] for k in wrong])
-    table.lines = np.delete(np.array([number for number, _ in rows], int), wrong)
-    empty = np.asarray(table.frame.isna().all(axis=1))
-    table.frame = table.frame[~empty].reset_index(drop=True)
-    table.leave_out("empty rows", table.lines[empty])
-    table.lines = table.lines[~empty]
+    body = [
+        (number, text)
+        for number, text in rows[first:]
+        if text != title and not text.lstrip().startswith(("#", "%", "//"))
+    ]
+    frame, wrong = _parsed([text for _, text in body], delimiter, width, file)
+    lines = np.array([number for number, _ in body], int)
+    empty = np.asarray(frame.isna().all(axis=1))
+    kept = np.delete(lines, wrong)
+    table = Table(
+        file,
+        frame[~empty].reset_index(drop=True),
+        names,
+        kept[~empty],
+        header is not None,
+        notes=notes,
+    )
+    above = np.array([number for k, (number, _) in enumerate(rows) if k != header], int)
+    table.leave_out("headers and comments", np.setdiff1d(above, lines))
+    between = np.arange(rows[first][0], rows[-1][0])
+    blank = np.setdiff1d(between, [number for number, _ in rows])
+    table.leave_out("blank lines", np.union1d(blank, kept[empty]))
+    table.leave_out("rows with another number of cells", lines[wrong])
     return table
 
 
 def _decoded(content: bytes, file: str, notes: list[str]) -> str:
-    """Return the text of UTF-8, UTF-16, UTF-32 or Windows-1252, with line ends of Unix."""
-    encodings = [name for mark, name in MARKS.items() if content.startswith(mark)][:1]
-    if not encodings and content[1:40:2].count(0) > 10:
-        encodings = ["utf-16-le"]
-    for encoding in encodings or ("utf-8-sig", "cp1252"):
+    """Return the text of UTF-8, UTF-16 or Windows-1252, with line ends of Unix."""
+    marked = content[:2] in (b"\xff\xfe", b"\xfe\xff")
+    for encoding in ("utf-16",) if marked else ("utf-8-sig", "cp1252"):
         try:
             # A logger without power leaves the rest of its file empty.
             errors = "replace" if encoding == "cp1252" else "strict"
@@ -300,58 +257,33 @@ def _decoded(content: bytes, file: str, notes: list[str]) -> str:
             break
         if encoding == "cp1252":
             notes.append("read as Windows-1252, as it is not UTF-8")
-        return text.replace("\ufeff", "").replace("\r\n", "\n").replace("\r", "\n")
+        return text.replace("\r\n", "\n").replace("\r", "\n")
     raise reject("file", file, f"{KINDS}; it is not a text in UTF-8, UTF-16 or Windows-1252")
 
 
 def _form(lines: list[str]) -> tuple[str, int | None]:
-    """Return the delimiter and the index of the header, None if there is none: the line with most
-    names of columns that are known, and otherwise a first line without a number.
+    """Return the delimiter, by which a line above the rows has names of columns that are known, and
+    most lines have as many cells; and the index of the header: this line, otherwise a first line
+    that does not begin with a number, None if there is none.
     """
-    best: tuple[Any, ...] = (0,)
+    forms = []
     for delimiter in ("\t", ";", "|", ",", " "):
         rows = [_cells(line.lstrip("#% "), delimiter) for line in lines]
-        [(usual, times)] = Counter(map(len, rows)).most_common(1)
+        [(width, times)] = Counter(map(len, rows)).most_common(1)
+        named = None
         for number, cells in enumerate(rows):
             words = [cell for cell in cells if not re.match(r"[\d.+-]", cell)]
-            known = sum(role_of(word) is not None for word in words)
-            # The delimiter of the header may be another one, as of numpy.savetxt.
-            fit = (known >= 2 and usual > 1, usual > 1 and times / len(rows), known, -number)
-            best = max(best, (*fit, delimiter, number), key=lambda form: form[:4])
-            # The names of the columns are above the first row.
-            if usual > 1 and len(cells) == usual and not words and lines[number][0] not in "#%":
+            if width > 1 and sum(role_of(word) is not None for word in words) > 1:
+                named = number
                 break
-    _, share, known, _, delimiter, number = best
-    if known >= 2:
-        return delimiter, number
-    if not share:
-        return ",", None
-    return delimiter, None if re.search(r"^[+-]?[.,]?\d", lines[0].strip()) else 0
-
-
-def _aligned(line: str, delimiter: str, numeric: list[bool], needed: list[bool]) -> str:
-    """Return a line with as many cells as there are columns, if a text has delimiters without
-    quotes, or if cells at the end are missing that are not needed, or more that are no numbers.
-    Numbers must be where other lines have them. Any other line is returned as it is.
-    """
-    number = r"[+-]?[\d.,]*\d[\d.,]*(?:[eE][+-]?\d+)?"
-    cells = _cells(line, delimiter)
-    width, more = len(numeric), len(cells) - len(numeric)
-    forms = []
-    if more < 0 and not any(needed[more:]):
-        forms.append([*cells, *[""] * -more])
-    elif more > 0:
-        if not any(re.fullmatch(number, cell) for cell in cells[width:]):
-            forms.append(cells[:width])
-        for k in range(width):
-            rest = cells[k + 1 : k + more + 1]
-            if not any(re.fullmatch(number, cell) for cell in rest):
-                forms.append([*cells[:k], " ".join([cells[k], *rest]), *cells[k + more + 1 :]])
-    for form in forms:
-        pairs = zip(form, numeric, strict=True)
-        if all(not of_number or re.fullmatch(rf"{number}|\W*", cell) for cell, of_number in pairs):
-            return delimiter.join(f'"{cell}"' if delimiter in cell else cell for cell in form)
-    return line
+            if len(cells) == width and not words and lines[number][0] not in "#%":
+                break
+        share = times / len(rows) if width > 1 else 0.0
+        forms.append((named is not None, share, delimiter, named))
+    _, share, delimiter, named = max(forms, key=lambda form: form[:2])
+    if named is None and share and not re.search(r"^[+-]?[.,]?\d", lines[0].strip()):
+        named = 0
+    return delimiter if share else ",", named
 
 
 def _cells(line: str, delimiter: str) -> list[str]:

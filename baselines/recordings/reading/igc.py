@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from baselines.recordings.reading.cleaning import ahead_rows, going_on
+from baselines.recordings.reading.cleaning import SET_BACK, ahead_rows, going_on
 from baselines.recordings.reading.values import DAY, unwrapped
 from hybrid_env.checks import ArgumentError, FloatArray
 
@@ -31,9 +31,8 @@ class IgcLog(NamedTuple):
         altitudes: (n,) by pressure, or by satellites where the log has no pressure [m].
         step: resolution of latitude [m].
         records: (n,) the first 35 columns of each B record, for other readers.
-        left_out: number of positions whose time does not fit those around them.
-        set_back: number of times that the clock was set back; from then on `times` are of the next
-            day.
+        notes: what was wrong with the clock: positions left out, or times set back, from which on
+            `times` are of the next day.
     """
 
     times: FloatArray
@@ -42,20 +41,7 @@ class IgcLog(NamedTuple):
     altitudes: FloatArray
     step: float
     records: tuple[bytes, ...]
-    left_out: int = 0
-    set_back: int = 0
-
-    @property
-    def notes(self) -> list[str]:
-        """What was wrong with the clock, in words."""
-        notes = []
-        if self.left_out:
-            notes.append(f"positions left out whose time does not fit: {self.left_out:,}")
-        if self.set_back:
-            notes.append(
-                f"times that the clock was set back, where a new piece begins: {self.set_back:,}"
-            )
-        return notes
+    notes: tuple[str, ...] = ()
 
 
 def is_igc(content: bytes) -> bool:
@@ -103,12 +89,18 @@ def parse_igc(name: str, content: bytes) -> IgcLog:
     times, kept = times[later], places[right][later]
     if len(kept) < 2:
         raise ArgumentError(f"{name} has {len(kept)} positions: expected at least two")
-    altitudes = pressure if np.ptp(pressure) > 0.0 else satellites
-    records = tuple(columns[0][k] for k in kept)
-    set_back = int((np.diff(times) > 0.5 * DAY).sum())
-    left_out = len(places) - len(kept)
+    counts = {
+        "positions left out whose time does not fit": len(places) - len(kept),
+        SET_BACK: (np.diff(times) > 0.5 * DAY).sum(),
+    }
     return IgcLog(
-        times, latitudes[kept], longitudes[kept], altitudes[kept], step, records, left_out, set_back
+        times,
+        latitudes[kept],
+        longitudes[kept],
+        (pressure if np.ptp(pressure) > 0.0 else satellites)[kept],
+        step,
+        tuple(columns[0][k] for k in kept),
+        tuple(f"{what}: {count:,}" for what, count in counts.items() if count),
     )
 
 

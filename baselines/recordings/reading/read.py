@@ -12,9 +12,9 @@ import pandas as pd
 
 from baselines.recordings.projection import centred_projection
 from baselines.recordings.reading import cleaning
-from baselines.recordings.reading.columns import Columns, find_columns
+from baselines.recordings.reading.columns import find_columns
 from baselines.recordings.reading.files import read_table
-from baselines.recordings.reading.names import DEGREES, PARTS, SECONDS, plain_name, split_unit
+from baselines.recordings.reading.names import DEGREES, split_unit
 from baselines.recordings.reading.summary import summary
 from baselines.recordings.reading.table import Table
 from baselines.recordings.reading.values import (
@@ -23,9 +23,7 @@ from baselines.recordings.reading.values import (
     parse_angles,
     parse_numbers,
     parse_times,
-    since_1970,
     texts_of,
-    unwrapped,
 )
 from baselines.recordings.recording import Recording, dates_since, iso_texts, make_recording
 from baselines.recordings.scatter import noise_deviations
@@ -117,55 +115,44 @@ def read_recordings(
     roles = find_columns(table, columns, object_column, axes)
     rows_of = object_rows(table, roles, Path(path))
     times = read_times(table, roles, time_unit, tau)
-    if "bearing" in roles.roles:
+    if "bearing" in roles:
         places = _read_polar(table, roles, times, rows_of, radar, thousands)
     else:
         places = _read_positions(table, roles, unit, thousands)
-    total = len(table.frame)
     marked = object_column is not None or len(rows_of) > 1
-    recordings = []
-    refused = []
+    recordings, refused = [], []
     for name, rows in rows_of:
         try:
             recordings.append(_recording(table, times, places, rows, marked, name=name, gap=gap))
         except ArgumentError as error:
-            if len(rows_of) == 1:
-                raise
             refused.append(str(error))
     if bad_rows == "refuse" and table.left_out:
         line, reason = min((min(lines), reason) for reason, lines in table.left_out.items())
         raise ArgumentError(f"{table.file}, line {line}: {reason}: left out with --bad-rows skip")
     if not recordings:
-        raise ArgumentError(f"{table.file}: no object can be tracked: {refused[0]}")
+        raise ArgumentError(refused[0])
     tick = recordings[0].tick
-    if (
-        tau is not None
-        and times.unit == "s"
-        and "time" in roles.roles
-        and abs(tau / tick - 1) > 1e-3
-    ):
+    if tau is not None and "time" in roles and abs(tau / tick - 1) > 1e-3:
         raise reject("tau", tau, f"no value, or the median step of the times, {tick:.6g}")
-    count = cleaning.lost(table)
-    warnings = refused
+    count, total = cleaning.lost(table), len(table.frame)
     if count > 0.1 * total:
         causes = cleaning.causes(table)
-        warnings = [f"{table.file}: {count:,} of {total:,} rows are left out: {causes}", *refused]
+        refused.insert(0, f"{table.file}: {count:,} of {total:,} rows are left out: {causes}")
     left_out = {reason: len(lines) for reason, lines in table.left_out.items()}
     return RecordingFile(
         tuple(replace(recording, left_out=left_out) for recording in recordings),
         summary(table, roles, times, recordings),
         left_out,
-        tuple(warnings),
+        tuple(refused),
     )
 
 
-def object_rows(table: Table, roles: Columns, path: Path) -> list[tuple[str, IntArray]]:
+def object_rows(table: Table, roles: dict[str, int], path: Path) -> list[tuple[str, IntArray]]:
     """Return the names of the objects and their rows."""
-    column = roles.roles.get("object")
-    if column is None:
+    if "object" not in roles:
         stem = path.name.removesuffix(".gz")
         return [(_writable(Path(stem).stem or stem), np.arange(len(table.frame)))]
-    codes, names = pd.factorize(table.frame[column])
+    codes, names = pd.factorize(table.frame[roles["object"]])
     table.leave_out("rows without an object", table.lines[codes < 0])
     return [(cell_text(name), np.flatnonzero(codes == k)) for k, name in enumerate(names)]
 
@@ -184,69 +171,36 @@ def _writable(text: str) -> str:
 
 
 def read_times(
-    table: Table, roles: Columns, unit: str | None = None, tau: float | None = None
+    table: Table, roles: dict[str, int], unit: str | None = None, tau: float | None = None
 ) -> Times:
     """Return the times of all rows; without a column of times the ticks, by an index or by the
     number of the row.
     """
-    times = _times_of_parts(table, roles.roles)
-    if times is not None:
-        return times
-    number = roles.roles.get("fix_time", roles.roles.get("time", roles.roles.get("date")))
+    number = next((roles[role] for role in ("fix_time", "time", "date") if role in roles), None)
     if number is not None:
-        date = roles.roles.get("week", roles.roles.get("date"))
-        joined = date is not None and date != number and "fix_time" not in roles.roles
+        date = number if "fix_time" in roles else roles.get("date", number)
         times = parse_times(
             table.frame[number],
-            table.frame[date] if joined else None,
+            None if date == number else table.frame[date],
             unit,
             split_unit(table.names[number])[1],
         )
         allowed = "a number, a date, or --time-unit with a format such as '%d/%m/%Y %H:%M:%S'"
         _check_readable(table, number, np.isnan(times.seconds), allowed)
-        fraction = roles.roles.get("fraction")
-        if fraction is not None and not (times.seconds % 1.0).any():
-            parts, _, _ = parse_numbers(table.frame[fraction])
-            scale = SECONDS[split_unit(table.names[fraction])[1] or "s"]
-            return times._replace(seconds=times.seconds + scale * parts)
-        dated = pd.api.types.is_datetime64_any_dtype(table.frame[number])
-        if dated or times.kind in ("dates and times of day", "GPS weeks and seconds"):
-            return times
-        return times._replace(cells=table.frame[number].to_numpy())
+        return times
     if unit is not None:
         allowed = f"no value, as {table.file} has no times: name them by --columns time=..."
         raise reject("time_unit", unit, allowed)
     ticks = np.arange(len(table.frame), dtype=np.float64)
-    index = roles.roles.get("index")
-    if index is not None:
-        numbers, _, _ = parse_numbers(table.frame[index])
-        if np.isfinite(numbers).all() and (
-            "object" in roles.roles or (np.diff(numbers) > 0.0).all()
-        ):
+    if "index" in roles:
+        numbers, _, _ = parse_numbers(table.frame[roles["index"]])
+        if np.isfinite(numbers).all() and ("object" in roles or (np.diff(numbers) > 0.0).all()):
             ticks = numbers - numbers.min()
             table.notes.append("index column taken as ticks")
     if tau is None:
         return Times(ticks, None, "", "ticks")
     # Without the rounding errors of the products.
     return Times(np.round(tau * ticks, 9 - int(np.floor(np.log10(tau)))), None, "")
-
-
-def _times_of_parts(table: Table, roles: dict[str, int]) -> Times | None:
-    """Return times of columns of hours, minutes ..., None if there are none."""
-    time = roles.get("time")
-    if time is not None and plain_name(table.names[time]) in ("sec", "secs", "seconds"):
-        roles["second"] = roles.pop("time")
-    if "time" in roles or not {"hour", "minute"} <= {*roles}:
-        for part, role in (("second", "time"), ("day", "date")):
-            if part in roles:
-                roles.setdefault(role, roles[part])
-        return None
-    parts = {part: parse_numbers(table.frame[roles[part]])[0] for part in PARTS if part in roles}
-    clock = 3600.0 * parts["hour"] + 60.0 * parts["minute"] + parts.get("second", 0.0)
-    if not {"year", "month", "day"} <= {*parts}:
-        return Times(unwrapped(clock), None, "times of day")
-    days = pd.to_datetime(pd.DataFrame({part: parts[part] for part in PARTS[:3]}), errors="coerce")
-    return since_1970((days - pd.Timestamp(0)).dt.total_seconds().to_numpy() + clock, "dates")
 
 
 def _check_readable(table: Table, column: int, wrong: BoolArray, allowed: str) -> None:
@@ -257,11 +211,11 @@ def _check_readable(table: Table, column: int, wrong: BoolArray, allowed: str) -
 
 
 def _read_positions(
-    table: Table, roles: Columns, unit: str | None, thousands: str | None
+    table: Table, roles: dict[str, int], unit: str | None, thousands: str | None
 ) -> Places:
     """Parse the columns of the positions; a unit of None is that of the header."""
-    degrees = "lat" in roles.roles
-    axes = [roles.roles[role] for role in (("lon", "lat") if degrees else ("x", "y"))]
+    degrees = "lat" in roles
+    axes = [roles[role] for role in (("lon", "lat") if degrees else ("x", "y"))]
     named = {split_unit(table.names[column])[1] for column in axes}
     if degrees and unit not in (None, "m", *DEGREES):
         raise reject("unit", unit, f"no value, as {table.file} has latitudes and longitudes")
@@ -277,53 +231,34 @@ def _read_positions(
         table.notes.append("x taken as longitude and y as latitude")
     parse = parse_angles if degrees else parse_numbers
     columns = [parse(table.frame[column], thousands) for column in axes]
-    values = np.column_stack([numbers for numbers, _, _ in columns])
-    wrong = np.any([wrong for _, wrong, _ in columns], axis=0)
     for column, (_, unread, _) in zip(axes, columns, strict=True):
         _check_readable(table, column, unread, "numbers, or --thousands with the mark between them")
+    values = np.column_stack([numbers for numbers, _, _ in columns])
+    wrong = np.any([wrong for _, wrong, _ in columns], axis=0)
     if any(comma for _, _, comma in columns):
         table.notes.append("decimal comma")
     if degrees:
-        semicircles = any(
-            "position" in table.names[column] or "semicircles" in table.names[column]
-            for column in axes
-        )
-        values, form = in_degrees(values, semicircles)
+        values, form = in_degrees(values, any("position" in table.names[k].lower() for k in axes))
         if named == {"rad"}:
             values, form = np.degrees(values), "radians"
         if form:
             table.notes.append(f"latitude and longitude are {form}")
-        if np.median(np.nan_to_num(np.abs(values[:, 1]))) > 90.0:
-            values = values[:, ::-1].copy()
-            table.notes.append("latitude and longitude are swapped")
+        _check_readable(table, axes[1], np.abs(values[:, 1]) > 90.0, "latitudes up to 90 degrees")
         for k, role in enumerate(("east_west", "north_south")):
-            if role in roles.roles:
-                letters = table.frame[roles.roles[role]].astype("str").str.strip().str.upper()
+            if role in roles:
+                letters = texts_of(table.frame[roles[role]]).str.upper()
                 values[letters.str.startswith(("W", "S")).to_numpy(), k] *= -1.0
-    with np.errstate(invalid="ignore"):
-        wrong |= (np.abs(values) > ([360.0, 90.0] if degrees else 1e12)).any(axis=1)
-    wrong |= _without_fix(table, roles)
-    values[wrong] = np.nan
-    wrong |= cleaning.fill_values(values)
+        # A receiver without a position gives zeros.
+        far = np.median(np.nan_to_num(np.abs(values)).max(axis=1)) > 1.0
+        wrong |= (values == 0.0).all(axis=1) & far
+    wrong |= (np.abs(values) > ([360.0, 90.0] if degrees else 1e12)).any(axis=1)
     values[wrong] = np.nan
     return Places(values, wrong, "m" if degrees else unit, degrees)
 
 
-def _without_fix(table: Table, roles: Columns) -> BoolArray:
-    """Return in which rows (n,) the sensor says that it had no position."""
-    number = roles.roles.get("valid")
-    if number is None:
-        return np.zeros(len(table.frame), np.bool_)
-    cells = texts_of(table.frame[number]).str.lower()
-    # The status 0 of a ship is that it moves.
-    numbers = [] if "status" in table.names[number].lower() else ["0", "0.0"]
-    without: BoolArray = cells.isin(["false", "v", "no", "invalid", *numbers]).to_numpy()
-    return without & (without.mean() < 0.5)
-
-
 def _read_polar(
     table: Table,
-    roles: Columns,
+    roles: dict[str, int],
     times: Times,
     rows_of: Sequence[tuple[str, IntArray]],
     radar: Radar | None,
@@ -333,13 +268,13 @@ def _read_polar(
     Without a radar its standard deviations are those of the measurements.
     """
     names = ("range", "bearing", "rate")[: 2 if radar is None else radar.values]
-    columns = [parse_numbers(table.frame[roles.roles[name]], thousands) for name in names]
-    length, angle, *speed = (split_unit(table.names[roles.roles[name]])[1] for name in names)
+    columns = [parse_numbers(table.frame[roles[name]], thousands) for name in names]
+    length, angle, *speed = (split_unit(table.names[roles[name]])[1] for name in names)
     if angle not in (None, "rad", *DEGREES):
-        name = f"{table.file}: unit of {table.label(roles.roles['bearing'])}"
+        name = f"{table.file}: unit of {table.label(roles['bearing'])}"
         raise reject(name, angle, "deg or rad")
     if length is not None and speed not in ([], [None], [f"{length}/s"]):
-        name = f"{table.file}: unit of {table.label(roles.roles['rate'])}"
+        name = f"{table.file}: unit of {table.label(roles['rate'])}"
         raise reject(name, speed[0], f"{length}/s, as of the range")
     radians = angle == "rad"
     table.notes.append(
@@ -399,42 +334,32 @@ def _recording(
     gap: float | None,
 ) -> Recording:
     """Return the recording of an object; `marked`: the rows are known to be of one object."""
-    already = cleaning.lost(table)
-    total = len(rows)
+    already, total = cleaning.lost(table), len(rows)
     rows, seconds = cleaning.ordered_rows(table, times.seconds, rows, places.values, marked)
-    table.leave_out("rows whose position cannot be read", table.lines[rows[places.wrong[rows]]])
-    kept = ~places.wrong[rows]
-    rows, seconds = rows[kept], seconds[kept]
+    wrong = places.wrong[rows]
+    table.leave_out("rows whose position cannot be read", table.lines[rows[wrong]])
+    rows, seconds = rows[~wrong], seconds[~wrong]
     positions = places.values[rows]
-    projection = None
     measured = np.flatnonzero(~np.isnan(positions).any(axis=1))
     if len(measured) < 2:
         raise ArgumentError(
             f"{table.file}: {name} has {len(measured)} measured positions: expected at least two"
         )
-    if places.unit is None and cleaning.look_like_degrees(seconds[measured], positions[measured]):
-        (west, south), (east, north) = (
-            positions[measured].min(axis=0),
-            positions[measured].max(axis=0),
-        )
-        raise ArgumentError(
-            f"{table.file}: x from {west:.6g} to {east:.6g} and y from {south:.6g} to {north:.6g}"
-            " look like degrees: --unit deg for longitude x and latitude y, or --unit m for a plane"
-        )
+    projection = None
+    if places.unit is None:
+        cleaning.check_no_degrees(table.file, seconds[measured], positions[measured])
     if places.degrees:
         projection = centred_projection(*positions[:, ::-1].T)
         positions = projection.forward(*positions[:, ::-1].T)
-    fresh = cleaning.fresh_rows(seconds[measured], positions[measured])
-    stale = np.delete(measured, fresh)
+    stale = measured[cleaning.stale_rows(positions[measured])]
     table.leave_out("positions that a stale source repeats", table.lines[rows[stale]])
-    kept = np.ones(len(rows), np.bool_)
-    kept[stale] = False
-    if not marked and cleaning.rows_alternate(positions[kept & ~np.isnan(positions[:, 0])]):
+    fresh = np.delete(np.arange(len(rows)), stale)
+    rows, seconds, positions = rows[fresh], seconds[fresh], positions[fresh]
+    if not marked and cleaning.rows_alternate(positions[~np.isnan(positions[:, 0])]):
         raise ArgumentError(
             f"{table.file}: rows alternate between places that are far apart, as of two objects:"
             " name by --object the column that tells them apart, or --object none for a single one"
         )
-    rows, seconds, positions = rows[kept], seconds[kept], positions[kept]
     if cleaning.lost(table) - already > 0.5 * total:
         causes = cleaning.causes(table)
         raise ArgumentError(f"{table.file}: more than half of {name} is left out: {causes}")
