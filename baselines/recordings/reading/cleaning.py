@@ -1,15 +1,20 @@
 """Rows of an object that are no measurements of their own: they are left out and counted."""
 
 import numpy as np
+import pandas as pd
 
 from baselines.recordings.reading.table import Table
 from baselines.recordings.reading.values import DAY
-from hybrid_env.checks import ArgumentError, BoolArray, FloatArray, IntArray
+from hybrid_env.checks import BoolArray, FloatArray, IntArray
 
 # Fewer steps do not tell how an object moves.
 FEWEST = 20
 # Reason of rows that may be of another object.
 ELSEWHERE = "repeated times at other places"
+HARMLESS = (
+    *("blank lines", "headers and comments", "repeated times"),
+    "positions that a stale source repeats",
+)
 SET_BACK = "times that the clock was set back, where a new piece begins"
 
 
@@ -47,10 +52,9 @@ def going_on(times: FloatArray) -> tuple[FloatArray, int]:
 
 def times_are_rounded(times: FloatArray, positions: FloatArray) -> bool:
     """Whether rows of one time are about as far apart as others, positions (n, 2)."""
-    lengths = np.hypot(*np.diff(positions, axis=0).T)
-    known, same = ~np.isnan(lengths), np.diff(times) == 0.0
-    within, between = lengths[known & same], lengths[known & ~same]
-    return bool(len(within) and len(between) and np.median(within) > 0.3 * np.median(between))
+    lengths = pd.Series(np.hypot(*np.diff(positions, axis=0).T))
+    usual = lengths.groupby(np.diff(times) == 0.0).median()
+    return bool(usual.get(True, 0.0) > 0.3 * usual.get(False, np.inf))
 
 
 def ordered_rows(
@@ -71,10 +75,6 @@ def ordered_rows(
     table.leave_out("rows without a time", table.lines[rows[~known]])
     rows = rows[known]
     times = seconds[rows]
-    if len(rows) > 1 and (np.diff(times) < 0.0).mean() > 0.5:
-        # The newest row is the first one.
-        rows, times = rows[::-1], times[::-1]
-        table.notes.append("rows sorted from the last to the first")
     ahead = ahead_rows(times)
     table.leave_out("rows whose time is after those that follow", table.lines[rows[ahead]])
     rows = rows[~ahead]
@@ -138,45 +138,30 @@ def rows_alternate(positions: FloatArray) -> bool:
 
 
 @np.errstate(over="ignore")
-def check_no_degrees(file: str, times: FloatArray, positions: FloatArray) -> None:
-    """Refuse x and y that may be degrees: in their range, slow, and far from 0 for their extent."""
-    low, high = positions.min(axis=0), positions.max(axis=0)
-    largest, extent = np.abs(positions).max(axis=0), high - low
+def look_like_degrees(times: FloatArray, positions: FloatArray) -> bool:
+    """Whether x and y may be degrees: in their range, slow, and far from 0 for their extent."""
+    largest, extent = np.abs(positions).max(axis=0), np.ptp(positions, axis=0).max()
     speed = np.median(np.abs(np.diff(positions, axis=0)).max(axis=1) / np.diff(times))
-    offset = np.abs(np.median(positions, axis=0)).max()
     # Objects move by less than 0.01 degrees in a second, and most of them by more metres. Degrees
     # are twice their extent from 0, and at least one degree.
-    far = offset > max(2.0 * extent.max(), 1.0) and extent.any()
-    if far and speed < 0.01 and largest.max() <= 180.0 and largest.min() <= 90.0:
-        raise ArgumentError(
-            f"{file}: x from {low[0]:.6g} to {high[0]:.6g} and y from {low[1]:.6g} to"
-            f" {high[1]:.6g} look like degrees: --unit deg for longitude x and latitude y, or"
-            " --unit m for a plane"
-        )
-
-
-def reasons(table: Table) -> str:
-    """Return what was left out and why."""
-    return ", ".join(f"{reason} ({len(lines):,})" for reason, lines in table.left_out.items())
+    far = np.abs(np.median(positions, axis=0)).max() > max(2.0 * extent, 1.0)
+    return bool(
+        far and extent > 0.0 and speed < 0.01 and largest.max() <= 180.0 and largest.min() <= 90.0
+    )
 
 
 def causes(table: Table) -> str:
-    """Return the reasons, and what helps if they are that several objects are taken for one."""
+    """Return what was left out and why, and what helps if several objects are taken for one."""
+    reasons = ", ".join(f"{reason} ({len(lines):,})" for reason, lines in table.left_out.items())
     several = "; if rows are of several objects, name their column by --object"
-    return reasons(table) + several * (ELSEWHERE in table.left_out)
+    return reasons + several * (ELSEWHERE in table.left_out)
 
 
 def remarks(table: Table) -> list[str]:
     """Return phrases about what was assumed and left out."""
-    return [*dict.fromkeys(table.notes)] + [f"left out: {reasons(table)}"] * bool(table.left_out)
+    return [*dict.fromkeys(table.notes)] + [f"left out: {causes(table)}"] * bool(table.left_out)
 
 
 def lost(table: Table) -> int:
     """Return the number of rows left out that should have been measurements."""
-    harmless = (
-        "blank lines",
-        "headers and comments",
-        "repeated times",
-        "positions that a stale source repeats",
-    )
-    return sum(len(lines) for reason, lines in table.left_out.items() if reason not in harmless)
+    return sum(len(lines) for reason, lines in table.left_out.items() if reason not in HARMLESS)

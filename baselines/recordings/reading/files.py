@@ -46,7 +46,7 @@ class Limits:
     # Tags of a GPX file.
     tags: int = 10_000_000
 
-    def check(self, file: str, **sizes: int) -> None:
+    def check(self, file: str, **sizes: float) -> None:
         """Refuse a size of a file, named as the fields, that is too large."""
         for name, size in sizes.items():
             largest = getattr(self, name)
@@ -67,49 +67,41 @@ def read_table(path: str | os.PathLike[str]) -> Table:
     """
     file, content = _content(Path(path))
     start = content[:1000].lstrip(b"\xef\xbb\xbf\xff\xfe\0 \r\n")
-    if start[:4] == b"PAR1":
+    if start.startswith(b"PAR1"):
         return _read_parquet(content, file)
-    if start[:1] == b"<":
+    if start.startswith(b"<"):
         return _read_gpx(content, file)
-    if is_igc(content):
-        LIMITS.check(file, rows=content.count(b"\nB"))
-        log = parse_igc(file, content)
-        frame = pd.DataFrame(dict(enumerate((log.times, log.latitudes, log.longitudes))))
-        names = ("time", "lat", "lon")
-        return Table(file, frame, names, np.arange(1, len(frame) + 1), notes=[*log.notes])
-    if start[:4] in (b"PK\x03\x04", b"\xd0\xcf\x11\xe0"):
-        raise reject("file", file, f"{KINDS}, not a workbook or archive: export it as CSV")
-    return _read_text(content, file)
+    if not is_igc(content):
+        return _read_text(content, file)
+    LIMITS.check(file, rows=content.count(b"\nB"))
+    log = parse_igc(file, content)
+    frame = pd.DataFrame({"time": log.times, "lat": log.latitudes, "lon": log.longitudes})
+    return Table(file, _numbered(frame), notes=[*log.notes])
+
+
+def _numbered(frame: pd.DataFrame) -> pd.DataFrame:
+    """Return rows with numbers from 1, for files without lines."""
+    return frame.set_axis(range(1, len(frame) + 1))
 
 
 def _content(path: Path) -> tuple[str, bytes]:
     """Return the name of a file for messages, and its bytes, decompressed."""
     file = str(path) if len(str(path)) <= 80 else f"...{str(path)[-80:]}"
-    largest = LIMITS.megabytes * 10**6
+    # A named pipe would wait for its writer.
+    if not os.path.isfile(path):
+        raise reject("file", file, f"an existing file: {KINDS}")
+    LIMITS.check(file, megabytes=path.stat().st_size / 1e6)
     try:
-        # A named pipe would wait for its writer.
-        if not path.is_file():
-            raise reject("file", file, f"an existing file: {KINDS}")
-        if path.stat().st_size > largest:
-            raise reject("file", file, f"at most {LIMITS.megabytes} MB: split the recording")
         content = path.read_bytes()
-    except ArgumentError:
-        raise
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise reject("file", file, f"a file that can be read ({reason})") from None
-    if content[:2] != b"\x1f\x8b":
-        return file, content
-    largest = min(largest, max(LIMITS.ratio * len(content), 10**7))
-    try:
+        if content[:2] != b"\x1f\x8b":
+            return file, content
+        largest = min(LIMITS.megabytes * 10**6, max(LIMITS.ratio * len(content), 10**7))
         with gzip.open(io.BytesIO(content)) as stream:
             content = stream.read(largest + 1)
     except (OSError, EOFError, zlib.error) as error:
-        raise ArgumentError(f"{file}: the gzip file is damaged or cut off ({error})") from None
+        raise ArgumentError(f"{file}: damaged, cut off or not to be read ({error})") from None
     if len(content) > largest:
-        allowed = (
-            f"at most {largest / 1e6:.0f} MB when decompressed: decompress it first, or split it"
-        )
+        allowed = f"at most {largest / 1e6:.0f} MB when decompressed: decompress or split it"
         raise reject("file", file, allowed)
     return file, content
 
@@ -125,7 +117,7 @@ def _read_parquet(content: bytes, file: str) -> Table:
         LIMITS.check(file, rows=rows, columns=len(kept), cells=rows * len(kept))
         table = stored.read(columns=kept, use_threads=False)
         long = [k for k, column in enumerate(table.columns) if _is_long(column)]
-        unread = [table.column_names[k] for k in long]
+        notes = [f"column of long texts, which is not read: {table.column_names[k]}" for k in long]
         table = table.select(np.delete(np.arange(len(kept)), long).tolist())
         # What pandas says about the columns may be damaged.
         frame = table.to_pandas(ignore_metadata=True)
@@ -135,28 +127,18 @@ def _read_parquet(content: bytes, file: str) -> Table:
         raise ArgumentError(f"{file}: the Parquet file is damaged ({error})") from None
     if not rows:
         raise reject("file", file, "a file with rows, not an empty table")
-    # An index of pandas without a name.
-    names = tuple("" if "__index_level_" in name else name for name in table.column_names)
-    notes = [f"columns of long texts, which are not read: {', '.join(unread)}"] if unread else []
-    frame = frame.set_axis(range(len(names)), axis=1)
-    return Table(file, frame, names, np.arange(1, rows + 1), notes=notes)
+    return Table(file, _numbered(frame), notes=notes)
 
 
 def _is_long(column: pa.ChunkedArray) -> bool:
-    """Return whether texts of a column are longer than numbers, times and names, or would be larger
+    """Return whether texts of a column are longer than numbers, times and names, or might be larger
     together than a file may be.
     """
     if not pa.types.is_dictionary(column.type) or pa.types.is_primitive(column.type.value_type):
         return False
-    lengths = pa.chunked_array(
-        [
-            pc.binary_length(part.dictionary).cast(pa.int64()).take(part.indices)
-            for part in column.chunks
-        ],
-        pa.int64(),
-    )
-    longest, total = pc.max(lengths).as_py() or 0, pc.sum(lengths).as_py() or 0
-    return longest > LIMITS.cell or total > LIMITS.megabytes * 10**6
+    lengths = [pc.max(pc.binary_length(part.dictionary)).as_py() for part in column.chunks]
+    longest = max(length or 0 for length in lengths)
+    return longest > LIMITS.cell or longest * len(column) > LIMITS.megabytes * 10**6
 
 
 def _read_gpx(content: bytes, file: str) -> Table:
@@ -171,21 +153,18 @@ def _read_gpx(content: bytes, file: str) -> Table:
         reason = " ".join(str(error).split())[:100]
         raise ArgumentError(f"{file}: the file begins as XML but is not GPX ({reason})") from None
     points = [
-        (point.time, point.latitude, point.longitude, track.name or f"track {number}", segment)
+        (point.latitude, point.longitude, track.name or f"track {number}", id(segment), point.time)
         for number, track in enumerate(gpx.tracks, start=1)
         for segment in track.segments
         for point in segment.points
     ]
     if not points:
         raise reject("file", file, "a GPX file with points of a track: convert other XML to it")
-    names = ("time", "lat", "lon", "track_id")
-    frame = pd.DataFrame(points)
-    segments = pd.factorize(frame.pop(len(names)).map(id))[0]
-    frame[0] = pd.to_datetime(frame[0].astype(object), utc=True)
-    if frame[0].isna().all():
-        frame, names = frame.drop(columns=0).set_axis(range(3), axis=1), names[1:]
-    lines = np.arange(1, len(frame) + 1)
-    return Table(file, frame, names, lines, segments=segments, notes=notes)
+    frame = pd.DataFrame(points, columns=["lat", "lon", "track_id", "segment", "time"])
+    segments = frame.pop("segment").to_numpy()
+    # A column without a time is none.
+    frame["time"] = pd.to_datetime(frame["time"].astype(object), utc=True)
+    return Table(file, _numbered(frame), segments=segments, notes=notes)
 
 
 def _read_text(content: bytes, file: str) -> Table:
@@ -194,20 +173,22 @@ def _read_text(content: bytes, file: str) -> Table:
     notes: list[str] = []
     texts = _decoded(content, file, notes).split("\n")
     LIMITS.check(file, line=max(map(len, texts)))
-    rows = [(number, text) for number, text in enumerate(texts, start=1) if text.strip()]
-    if not rows:
+    rows = pd.Series(texts, range(1, len(texts) + 1))
+    blank = rows.str.isspace() | (rows == "")
+    filled = rows[~blank]
+    if filled.empty:
         raise reject("file", file, "rows of numbers, not an empty file")
-    if re.match(r"\$G|!AIVD|[{\[]", rows[0][1]):
+    if re.match(r"\$G|!AIVD|[{\[]", filled.iloc[0]):
         raise reject("file", file, f"{KINDS}, not sentences of NMEA or AIS or JSON: convert them")
-    delimiter, header = _form([text for _, text in rows[:200]])
+    delimiter, header = _form(filled.iloc[:200].tolist())
     first = 0 if header is None else header + 1
     # Units, or more names.
-    while header is not None and first < len(rows) - 1 and not re.search(r"\d", rows[first][1]):
+    while 0 < first < len(filled) - 1 and not re.search(r"\d", filled.iloc[first]):
         first += 1
-    title = "" if header is None else rows[header][1]
-    sample = [_cells(text, delimiter) for _, text in rows[first : first + 200]]
+    title = "" if header is None else filled.iloc[header]
+    sample = [_cells(text, delimiter) for text in filled.iloc[first : first + 200]]
     if not sample:
-        raise reject(f"{file}, line {rows[-1][0]}", rows[-1][1][:60], "rows of numbers after it")
+        raise reject(f"{file}, line {filled.index[-1]}", title[:60], "rows of numbers after it")
     width = Counter(map(len, sample)).most_common(1)[0][0]
     LIMITS.check(file, columns=width, cells=width * len(rows))
     head = _cells(title.lstrip("#% "), delimiter)
@@ -215,50 +196,37 @@ def _read_text(content: bytes, file: str) -> Table:
         # The name of the row, as pandas writes it, or an empty cell at the end.
         head = ["", *head] if any(cells[-1] for cells in sample) else [*head, ""]
     if len(head) < width:
+        # The delimiter of the header may be another one, as of numpy.savetxt.
         head = re.split(r"[\s;|,]+", title.strip("#% "))
-    names = tuple(head[:width]) if len(head) >= width else ("",) * width
-    body = [
-        (number, text)
-        for number, text in rows[first:]
-        if text != title and not text.lstrip().startswith(("#", "%", "//"))
-    ]
-    frame, wrong = _parsed([text for _, text in body], delimiter, width, file)
-    lines = np.array([number for number, _ in body], int)
-    empty = np.asarray(frame.isna().all(axis=1))
-    kept = np.delete(lines, wrong)
-    table = Table(
-        file,
-        frame[~empty].reset_index(drop=True),
-        names,
-        kept[~empty],
-        header is not None,
-        notes=notes,
-    )
-    above = np.array([number for k, (number, _) in enumerate(rows) if k != header], int)
-    table.leave_out("headers and comments", np.setdiff1d(above, lines))
-    between = np.arange(rows[first][0], rows[-1][0])
-    blank = np.setdiff1d(between, [number for number, _ in rows])
-    table.leave_out("blank lines", np.union1d(blank, kept[empty]))
-    table.leave_out("rows with another number of cells", lines[wrong])
+    body = filled.iloc[first:]
+    body = body[(body != title) & ~body.str.match(r"\s*(?:[#%]|//)")]
+    frame, wrong = _parsed(body, delimiter, width, file)
+    empty = frame.isna().all(axis=1)
+    frame.columns = head[:width] if len(head) >= width else [""] * width
+    table = Table(file, frame[~empty], header is not None, notes=notes)
+    others = filled.index if header is None else filled.index.delete(header)
+    table.leave_out("headers and comments", others.difference(body.index))
+    inner = rows.index[blank]
+    inner = inner[(inner > filled.index[first]) & (inner < filled.index[-1])]
+    table.leave_out("blank lines", inner.union(frame.index[empty]))
+    table.leave_out("rows with another number of cells", wrong)
     return table
 
 
 def _decoded(content: bytes, file: str, notes: list[str]) -> str:
     """Return the text of UTF-8, UTF-16 or Windows-1252, with line ends of Unix."""
     marked = content[:2] in (b"\xff\xfe", b"\xfe\xff")
-    for encoding in ("utf-16",) if marked else ("utf-8-sig", "cp1252"):
-        try:
-            # A logger without power leaves the rest of its file empty.
-            errors = "replace" if encoding == "cp1252" else "strict"
-            text = content.decode(encoding, errors).rstrip("\0\x1a")
-        except UnicodeDecodeError:
-            continue
-        if "\0" in text:
-            break
-        if encoding == "cp1252":
-            notes.append("read as Windows-1252, as it is not UTF-8")
-        return text.replace("\r\n", "\n").replace("\r", "\n")
-    raise reject("file", file, f"{KINDS}; it is not a text in UTF-8, UTF-16 or Windows-1252")
+    try:
+        text = content.decode("utf-16" if marked else "utf-8-sig")
+    except UnicodeDecodeError:
+        text = content.decode("cp1252", "replace")
+        notes.append("read as Windows-1252, as it is not UTF-8")
+    # A logger without power leaves the rest of its file empty.
+    text = text.rstrip("\0\x1a")
+    if "\0" in text or (notes and marked):
+        allowed = f"{KINDS} in UTF-8, UTF-16 or Windows-1252: export a workbook as CSV"
+        raise reject("file", file, allowed)
+    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def _form(lines: list[str]) -> tuple[str, int | None]:
@@ -271,17 +239,17 @@ def _form(lines: list[str]) -> tuple[str, int | None]:
         rows = [_cells(line.lstrip("#% "), delimiter) for line in lines]
         [(width, times)] = Counter(map(len, rows)).most_common(1)
         named = None
-        for number, cells in enumerate(rows):
+        for number, cells in enumerate(rows if width > 1 else ()):
             words = [cell for cell in cells if not re.match(r"[\d.+-]", cell)]
-            if width > 1 and sum(role_of(word) is not None for word in words) > 1:
+            if sum(role_of(word) is not None for word in words) > 1:
                 named = number
                 break
             if len(cells) == width and not words and lines[number][0] not in "#%":
                 break
-        share = times / len(rows) if width > 1 else 0.0
+        share = times / len(rows) * (width > 1)
         forms.append((named is not None, share, delimiter, named))
     _, share, delimiter, named = max(forms, key=lambda form: form[:2])
-    if named is None and share and not re.search(r"^[+-]?[.,]?\d", lines[0].strip()):
+    if named is None and share and not re.match(r"\s*[+-]?[.,]?\d", lines[0]):
         named = 0
     return delimiter if share else ",", named
 
@@ -297,10 +265,10 @@ def _cells(line: str, delimiter: str) -> list[str]:
 
 
 def _parsed(
-    lines: list[str], delimiter: str, width: int, file: str
-) -> tuple[pd.DataFrame, list[int]]:
-    """Return the cells of lines as texts, and the numbers of the lines with another number of
-    cells, which are left out.
+    rows: "pd.Series[str]", delimiter: str, width: int, file: str
+) -> tuple[pd.DataFrame, pd.Index]:
+    """Return the cells of rows as texts, and the lines of rows with another number of cells, which
+    are left out.
     """
     wrong: list[int] = []
 
@@ -308,8 +276,7 @@ def _parsed(
         wrong.append(row.number - 1)
         return "skip"
 
-    if delimiter == " ":
-        lines = [" ".join(line.split()) for line in lines]
+    lines = [" ".join(text.split()) for text in rows] if delimiter == " " else rows.tolist()
     names = [str(k) for k in range(width)]
     try:
         table = pyarrow.csv.read_csv(
@@ -324,4 +291,4 @@ def _parsed(
         raise ArgumentError(f"{file}: not CSV: {error}") from None
     if table.num_rows + len(wrong) != len(lines):
         raise ArgumentError(f"{file}: not CSV: a quoted cell goes over several lines")
-    return table.to_pandas().set_axis(range(width), axis=1), wrong
+    return table.to_pandas().set_axis(rows.index.delete(wrong)), rows.index[wrong]

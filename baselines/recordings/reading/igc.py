@@ -14,7 +14,7 @@ import numpy as np
 
 from baselines.recordings.reading.cleaning import SET_BACK, ahead_rows, going_on
 from baselines.recordings.reading.values import DAY, unwrapped
-from hybrid_env.checks import ArgumentError, FloatArray
+from hybrid_env.checks import AnyArray, ArgumentError, FloatArray
 
 RECORD = re.compile(
     rb"^(B(\d\d)(\d\d)(\d\d)(\d\d)(\d{5})([NS])(\d{3})(\d{5})([EW])[AV]([-\d]\d{4})([-\d]\d{4}))([^\r\n]*)",
@@ -66,23 +66,15 @@ def parse_igc(name: str, content: bytes) -> IgcLog:
     matches = RECORD.findall(content)
     if not matches:
         raise ArgumentError(f"{name} has no positions (B records): expected at least two")
-    columns = list(zip(*matches, strict=True))
-    numbers = [np.array(columns[k]).astype(np.float64) for k in (1, 2, 3, 4, 5, 7, 8, 10, 11)]
-    hours, minutes, seconds, *parts, pressure, satellites = numbers
-    clock = 3600.0 * hours + 60.0 * minutes + seconds
-    head = content[: content.index(columns[0][0])]
-    angles = []
-    step = 0.0
-    for k, signs, negative, word in ((0, 6, b"S", b"LAD"), (2, 9, b"W", b"LOD")):
-        more, digits = _more_digits(head, word, columns[12])
-        degrees = parts[k] + (parts[k + 1] + more) / 60_000.0
-        angles.append(np.where(np.array(columns[signs]) == negative, -degrees, degrees))
-        # Of a degree of latitude.
-        step = 111_200.0 / 60_000.0 / 10.0**digits
-    latitudes, longitudes = angles
+    columns = [np.array(column) for column in zip(*matches, strict=True)]
+    hours, minutes, seconds = (column.astype(np.float64) for column in columns[1:4])
+    pressure, satellites = (column.astype(np.float64) for column in columns[10:12])
+    head = content[: content.index(matches[0][0])]
+    latitudes, digits = _degrees(columns[4:7], b"S", _extension(head, b"LAD"), columns[12])
+    longitudes, _ = _degrees(columns[7:10], b"W", _extension(head, b"LOD"), columns[12])
     known = (np.abs(latitudes) <= 90.0) & (np.abs(longitudes) <= 180.0)
     places = np.flatnonzero(known & ((latitudes != 0.0) | (longitudes != 0.0)))
-    times = unwrapped(clock[places])
+    times = unwrapped((3600.0 * hours + 60.0 * minutes + seconds)[places])
     right = ~ahead_rows(times)
     times, _ = going_on(times[right])
     later = times > np.append(-np.inf, np.maximum.accumulate(times)[:-1])
@@ -98,22 +90,30 @@ def parse_igc(name: str, content: bytes) -> IgcLog:
         latitudes[kept],
         longitudes[kept],
         (pressure if np.ptp(pressure) > 0.0 else satellites)[kept],
-        step,
-        tuple(columns[0][k] for k in kept),
+        # Of a degree of latitude.
+        111_200.0 / 60_000.0 / 10.0**digits,
+        tuple(matches[k][0] for k in kept),
         tuple(f"{what}: {count:,}" for what, count in counts.items() if count),
     )
 
 
-def _more_digits(head: bytes, word: bytes, tails: Sequence[bytes]) -> tuple[FloatArray, int]:
-    """Return what an extension of the B records adds to thousandths of minutes, (n,), and its
-    digits.
+def _extension(head: bytes, word: bytes) -> slice:
+    """Return where the B records have more digits, counted behind their first 35 columns."""
+    found = re.search(rb"^I\d\d(?:\d{4}...)*?(\d\d)(\d\d)" + word, head, re.MULTILINE)
+    return slice(int(found[1]) - 36, int(found[2]) - 35) if found else slice(0)
+
+
+def _degrees(
+    columns: Sequence[AnyArray], negative: bytes, extension: slice, tails: AnyArray
+) -> tuple[FloatArray, int]:
+    """Return the degrees of whole ones, thousandths of minutes and signs (n,), with the digits of
+    an extension that most records have, and how many these are.
     """
-    for line in re.findall(rb"^I\d\d([^\r\n]*)", head, re.MULTILINE):
-        for first, last in re.findall(rb"(\d\d)(\d\d)" + word, line):
-            columns = slice(max(int(first) - 36, 0), int(last) - 35)
-            cells = np.array([tail[columns] for tail in tails])
-            digits = int(last) - int(first) + 1
-            valid = np.char.isdigit(cells) & (np.char.str_len(cells) == digits)
-            if 2 * valid.sum() > len(tails):
-                return np.where(valid, cells, b"0").astype(np.float64) / 10.0**digits, digits
-    return np.zeros(len(tails)), 0
+    cells = np.array([tail[extension] for tail in tails])
+    digits = max(extension.stop - (extension.start or 0), 0)
+    valid = np.char.isdigit(cells) & (np.char.str_len(cells) == digits)
+    if 2 * valid.sum() <= len(cells):
+        valid, digits = np.zeros(len(cells), np.bool_), 0
+    more = np.where(valid, cells, b"0").astype(np.float64) / 10.0**digits
+    degrees = columns[0].astype(np.float64) + (columns[1].astype(np.float64) + more) / 60_000.0
+    return np.where(columns[2] == negative, -degrees, degrees), digits

@@ -4,7 +4,6 @@ import os
 import warnings
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -45,13 +44,12 @@ class ModeFile(NamedTuple):
         may differ. The letters of `hybridtrack track` become the words straight, left and right of
         a truth that has these.
         """
-        tracks = dict(zip(truth.times, self.times, strict=False))
-        if len(self.times) > 1 or len(truth.times) > 1:
-            tracks = {track: track for track in truth.times}
-            missing = [track for track in truth.times if track not in self.times]
-            if missing:
-                allowed = f"every track of the truth, also {missing[0]}"
-                raise reject(f"tracks of {name}", list(self.times), allowed)
+        one = len(self.times) == len(truth.times) == 1
+        tracks = dict(zip(truth.times, self.times if one else truth.times, strict=True))
+        missing = [here for here in tracks.values() if here not in self.times]
+        if missing:
+            allowed = f"every track of the truth, also {missing[0]}"
+            raise reject(f"tracks of {name}", list(self.times), allowed)
         true = {mode for modes in truth.modes.values() for mode in modes if mode}
         words = {word[0].upper(): word for word in true if word.lower() in WORDS}
         letters = {letter: word for letter, word in words.items() if letter not in true}
@@ -115,7 +113,7 @@ def read_modes(
     cells = table.frame[roles["mode"]].astype(object)
     result = ModeFile({}, {})
     # From here on what is noted concerns rows that are samples.
-    table = replace(table, notes=[], left_out={})
+    table.notes, table.left_out = [], {}
     for name, rows in object_rows(table, roles, Path(path)):
         ordered, seconds = ordered_rows(table, times.seconds, rows)
         instants: FloatArray | NDArray[np.datetime64] = seconds

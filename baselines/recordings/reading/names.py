@@ -68,13 +68,17 @@ GIVEN_ROLES = ("time", "date", "x", "y", "lat", "lon", "range", "bearing", "rate
 """Roles of --columns."""
 
 SECONDS = {
-    **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), 1.0),
-    **dict.fromkeys(("ms", "msec", "millis", "millisecond", "milliseconds"), 1e-3),
-    **dict.fromkeys(("us", "µs", "μs", "usec", "microsecond", "microseconds"), 1e-6),
-    **dict.fromkeys(("ns", "nsec", "nsecs", "nanosec", "nanoseconds"), 1e-9),
-    **dict.fromkeys(("min", "minute", "minutes"), 60.0),
-    **dict.fromkeys(("h", "hour", "hours"), 3600.0),
-    **dict.fromkeys(("d", "day", "days"), 86_400.0),
+    name: scale
+    for names, scale in (
+        ("s sec secs second seconds", 1.0),
+        ("ms msec millis millisecond milliseconds", 1e-3),
+        ("us µs μs usec microsecond microseconds", 1e-6),
+        ("ns nsec nsecs nanosec nanoseconds", 1e-9),
+        ("min minute minutes", 60.0),
+        ("h hour hours", 3600.0),
+        ("d day days", 86_400.0),
+    )
+    for name in names.split()
 }
 """Units of time [s]."""
 
@@ -82,9 +86,7 @@ DEGREES = ("deg", "degree", "degrees", "°")
 LENGTHS = "m km cm mm um ft yd mi nmi px rad mrad mil mils gon grad"
 
 
-@functools.cache
-def _roles() -> dict[str, str]:
-    return {name: role for role, names in ROLES.items() for name in names.split()}
+ROLE_OF = {name: role for role, names in ROLES.items() for name in names.split()}
 
 
 def plain_name(name: str) -> str:
@@ -101,31 +103,30 @@ def split_unit(name: str) -> tuple[str, str | None]:
     # In longer texts, and in many spaces, a search for brackets would take long.
     name = " ".join(name[:200].split())
     words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name)
-    parts = re.split(r"[.:]", words)
     # A letter means nothing without the word before it.
-    last = "_".join(parts[-2:] if len(parts[-1]) == 1 else parts[-1:])
+    last = re.findall(r"[^.:]*[.:][^.:]$|[^.:]*$", words)[0]
     splits = [_split(text) for text in (name, words, last)]
-    return next((split for split in splits if split[0] in _roles()), splits[0])
+    return next((split for split in splits if split[0] in ROLE_OF), splits[0])
 
 
 def _split(name: str) -> tuple[str, str | None]:
-    known = {*LENGTHS.split(), *SECONDS, *DEGREES}
     # The signs of latitudes and longitudes are no unit.
-    name = re.sub(r"(?<=\w) +(n/s|e/w)$", "", name, flags=re.IGNORECASE)
-    plain = plain_name(name)
-    if plain in _roles():
+    plain = plain_name(re.sub(r"(?i)(?<=\w) +(n/s|e/w)$", "", name))
+    if plain in ROLE_OF:
         return plain, plain if plain in SECONDS else None
-    match = re.fullmatch(r"\s*(.+?)\s*(?:\[(.*)\]|\((.*)\)|/\s*(\w+))\s*", name)
+    known = {*LENGTHS.split(), *SECONDS, *DEGREES}
+    match = re.fullmatch(r"(.+?)\s*(?:\[(.*)\]|\((.*)\)|/\s*(\w+))", name)
     if match and (match[4] is None or match[4].lower() in known):
-        unit = next(part for part in match.groups()[1:] if part is not None).strip()
-        return plain_name(match[1]), unit or None
+        return plain_name(match[1]), "".join(filter(None, match.groups()[1:])).strip() or None
     base, _, unit = plain.rpartition("_")
     return (base, unit) if base and unit in known else (plain, None)
 
 
 def role_of(name: str) -> str | None:
-    """Return the role of a column by its name, None if it has none."""
-    return _roles().get(split_unit(name)[0])
+    """Return the role of a column by its name, None if it has none. A column without a name is an
+    index.
+    """
+    return ROLE_OF.get(split_unit(name)[0]) if name else "index"
 
 
 def columns_by_role(texts: Sequence[str], roles: Sequence[str]) -> dict[str, str]:

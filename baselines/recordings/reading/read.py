@@ -176,27 +176,25 @@ def read_times(
     """Return the times of all rows; without a column of times the ticks, by an index or by the
     number of the row.
     """
-    number = next((roles[role] for role in ("fix_time", "time", "date") if role in roles), None)
-    if number is not None:
-        date = number if "fix_time" in roles else roles.get("date", number)
+    clocks = [roles[role] for role in ("fix_time", "time", "date", "index") if role in roles]
+    ticks = np.arange(len(table.frame), dtype=np.float64)
+    if clocks:
+        number, date = clocks[0], roles.get("date")
         times = parse_times(
             table.frame[number],
-            None if date == number else table.frame[date],
+            None if date is None or date == number else table.frame[date],
             unit,
             split_unit(table.names[number])[1],
         )
         allowed = "a number, a date, or --time-unit with a format such as '%d/%m/%Y %H:%M:%S'"
         _check_readable(table, number, np.isnan(times.seconds), allowed)
-        return times
-    if unit is not None:
+        if number != roles.get("index") or times.kind or (times.seconds % 1.0).any():
+            return times
+        ticks = times.seconds - times.seconds.min()
+        table.notes.append(f"{table.label(number)!r} taken as ticks")
+    elif unit is not None:
         allowed = f"no value, as {table.file} has no times: name them by --columns time=..."
         raise reject("time_unit", unit, allowed)
-    ticks = np.arange(len(table.frame), dtype=np.float64)
-    if "index" in roles:
-        numbers, _, _ = parse_numbers(table.frame[roles["index"]])
-        if np.isfinite(numbers).all() and ("object" in roles or (np.diff(numbers) > 0.0).all()):
-            ticks = numbers - numbers.min()
-            table.notes.append("index column taken as ticks")
     if tau is None:
         return Times(ticks, None, "", "ticks")
     # Without the rounding errors of the products.
@@ -217,15 +215,8 @@ def _read_positions(
     degrees = "lat" in roles
     axes = [roles[role] for role in (("lon", "lat") if degrees else ("x", "y"))]
     named = {split_unit(table.names[column])[1] for column in axes}
-    if degrees and unit not in (None, "m", *DEGREES):
-        raise reject("unit", unit, f"no value, as {table.file} has latitudes and longitudes")
     if not degrees and unit is None:
-        if len(named) > 1:
-            labels = " and ".join(repr(table.label(column)) for column in axes)
-            raise ArgumentError(
-                f"{table.file}: {labels} have different units: expected one, or --unit"
-            )
-        unit = named.pop()
+        [unit] = named if len(named) == 1 else [None]
     if not degrees and unit is not None and unit.lower() in DEGREES:
         degrees = True
         table.notes.append("x taken as longitude and y as latitude")
@@ -346,8 +337,11 @@ def _recording(
             f"{table.file}: {name} has {len(measured)} measured positions: expected at least two"
         )
     projection = None
-    if places.unit is None:
-        cleaning.check_no_degrees(table.file, seconds[measured], positions[measured])
+    if places.unit is None and cleaning.look_like_degrees(seconds[measured], positions[measured]):
+        raise ArgumentError(
+            f"{table.file}: x and y look like degrees: --unit deg for longitude x and latitude y,"
+            " or --unit m for a plane"
+        )
     if places.degrees:
         projection = centred_projection(*positions[:, ::-1].T)
         positions = projection.forward(*positions[:, ::-1].T)

@@ -14,12 +14,8 @@ class Table:
 
     # Its path for messages, shortened.
     file: str
-    # One column for each of `names`, labelled by its number from 0.
+    # One column for each of `names`, labelled by its number from 0; rows by their lines, from 1.
     frame: pd.DataFrame
-    # Of the columns as in the file; empty for a column without a name.
-    names: tuple[str, ...]
-    # (n,) number of the line of each row in the file, from 1.
-    lines: IntArray
     # Whether the file names its columns.
     headed: bool = True
     # (n,) number of the segment of a GPX track of each row.
@@ -28,6 +24,12 @@ class Table:
     left_out: dict[str, list[int]] = field(default_factory=dict)
     # What was assumed, for the summary.
     notes: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        # Of the columns as in the file; empty for one without a name, also an index of pandas.
+        self.names = ["" if "__index_level_" in name else name for name in self.frame.columns]
+        self.frame = self.frame.set_axis(range(len(self.names)), axis=1)
+        self.lines: IntArray = self.frame.index.to_numpy()
 
     def label(self, column: int) -> str:
         """Return the name of a column for a message."""

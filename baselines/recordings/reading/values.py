@@ -180,10 +180,8 @@ def _of_texts(cells: Cells, texts: Cells, unit: str | None) -> Times:
 def unwrapped(clock: FloatArray) -> FloatArray:
     """Return times of day [s] as times that go on at midnight."""
     known = ~np.isnan(clock)
-    steps = np.diff(clock[known], prepend=clock[known][:1])
-    days = np.cumsum((steps < -0.5 * DAY).astype(int) - (steps > 0.5 * DAY))
     times = clock.copy()
-    times[known] += DAY * days
+    times[known] = np.unwrap(clock[known], period=DAY)
     return times
 
 

@@ -73,7 +73,7 @@ def test_what_pandas_writes(check, ending, separator, index, compressed):
             {"columns": {"time": "1", "x": "x", "y": "y"}},
             "",
         ),
-        (PLANE.to_csv(), {"times": None}, "index column taken as ticks"),
+        (PLANE.to_csv(), {"times": None}, "'column 1' taken as ticks"),
         (PLANE, {"times": None}, "no times: a row is a tick (--tau)"),
         (PLANE, {"tau": 0.25}, "tick 0.25 s"),
         (FRAME.to_csv(header=False, index=False), {}, "no header: columns taken as time, x, y"),
