@@ -50,61 +50,45 @@ def going_on(times: FloatArray) -> tuple[FloatArray, int]:
     return times + DAY * np.cumsum(set_back), count
 
 
-def times_are_rounded(times: FloatArray, positions: FloatArray) -> bool:
-    """Whether rows of one time are about as far apart as others, positions (n, 2)."""
-    lengths = pd.Series(np.hypot(*np.diff(positions, axis=0).T))
-    usual = lengths.groupby(np.diff(times) == 0.0).median()
+def times_are_rounded(rows: pd.DataFrame) -> bool:
+    """Whether rows of one time are about as far apart as others."""
+    lengths = np.hypot(rows.x.diff(), rows.y.diff())
+    usual = lengths.groupby(rows.time.diff() == 0.0).median()
     return bool(usual.get(True, 0.0) > 0.3 * usual.get(False, np.inf))
 
 
-def ordered_rows(
-    table: Table,
-    seconds: FloatArray,
-    rows: IntArray,
-    positions: FloatArray | None = None,
-    marked: bool = True,
-) -> tuple[IntArray, FloatArray]:
-    """Return the rows (k,) of an object in the order of their times, and the times.
+def ordered_rows(table: Table, rows: pd.DataFrame, marked: bool = True) -> pd.DataFrame:
+    """Return the rows of an object in the order of their `time`.
 
     Rows out of order are sorted, see also `ahead_rows` and `going_on`. Of rows with one time the
-    first is kept. Where most times have several rows, and the positions of the table, (n, 2), show
-    that the times are rounded to whole seconds or more, the rows are spread over these.
-    `marked`: the rows are known to be of one object.
+    first is kept. Where most times have several rows, and their `x` and `y` show that the times are
+    rounded to whole seconds or more, the rows are spread over these. `marked`: the rows are known
+    to be of one object.
     """
-    known = ~np.isnan(seconds[rows])
-    table.leave_out("rows without a time", table.lines[rows[~known]])
-    rows = rows[known]
-    times = seconds[rows]
-    ahead = ahead_rows(times)
-    table.leave_out("rows whose time is after those that follow", table.lines[rows[ahead]])
-    rows = rows[~ahead]
-    times, set_back = going_on(times[~ahead])
+    rows = table.without(rows, rows.time.isna(), "rows without a time")
+    ahead = ahead_rows(rows.time.to_numpy())
+    rows = table.without(rows, ahead, "rows whose time is after those that follow")
+    times, set_back = going_on(rows.time.to_numpy())
     late = int((times < np.maximum.accumulate(times)).sum())
     if set_back:
         table.notes.append(f"{SET_BACK}: {set_back}")
     if late:
         table.notes.append(f"rows out of order, which are sorted: {late}")
-    order = np.argsort(times, kind="stable")
-    rows, times = rows[order], times[order]
-    instants, first, counts = np.unique(times, return_index=True, return_counts=True)
-    if positions is None or len(counts) < 3:
-        apart = np.zeros(len(times))
-    else:
-        apart = np.abs(positions[rows] - positions[rows[np.repeat(first, counts)]]).max(axis=1)
-        usual = int(np.median(counts))
-        whole = usual > 1 and not (instants % 1.0).any()
-        if whole and times_are_rounded(times, positions[rows]):
-            step = np.median(np.diff(instants))
-            places = np.arange(len(times)) - np.repeat(first, counts)
+    rows = rows.assign(time=times).sort_values("time", kind="stable")
+    if "x" in rows:
+        same = rows.groupby("time")
+        counts, places = same.x.transform("size"), same.cumcount()
+        usual = counts[places == 0].median() if same.ngroups > 2 else 1.0
+        if usual > 1.0 and not (rows.time % 1.0).any() and times_are_rounded(rows):
+            step = rows.time[places == 0].diff().median()
             # The first rows may be the last ones of their minute.
-            places[: counts[0]] += max(usual - counts[0], 0)
+            places += (usual - counts).clip(0.0) * (rows.time == rows.time.iloc[0])
             table.notes.append(f"several rows at each time are spread over {step:g} s")
-            return rows, times + step * places / np.repeat(np.maximum(counts, usual), counts)
-    repeated = np.setdiff1d(np.arange(len(times)), first)
-    elsewhere = (apart[repeated] > 0.0) & (not marked)
-    table.leave_out("repeated times", table.lines[rows[repeated[~elsewhere]]])
-    table.leave_out(ELSEWHERE, table.lines[rows[repeated[elsewhere]]])
-    return rows[first], times[first]
+            return rows.assign(time=rows.time + step * places / counts.clip(usual))
+        axes = rows[["x", "y"]]
+        apart = (axes - axes.groupby(rows.time).transform("first")).abs().max(axis=1)
+        rows = table.without(rows, (apart > 0.0) & (not marked), ELSEWHERE)
+    return table.without(rows, rows.time.duplicated(), "repeated times")
 
 
 def stale_rows(positions: FloatArray) -> IntArray:

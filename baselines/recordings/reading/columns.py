@@ -55,33 +55,34 @@ def find_columns(
         kept.append("object")
     elif object_column != ONE_OBJECT:
         roles["object"] = numbered_column(table, "object", object_column)
+    counts = table.frame.count()
     for role in kept:
         different = {k: table.frame[k].nunique() for k in found.get(role, ())}
         if role == "object":
             # What differs in every row is a number of the row.
-            rows = {k: table.frame[k].count() for k in different}
-            different = {k: n for k, n in different.items() if n < rows[k] or rows[k] == 1}
+            different = {k: n for k, n in different.items() if n < max(counts[k], 2)}
         if role in roles or not different:
             continue
         # Times are the finest ones; a place that is the same in every row is that of the start.
         most = max(different.values())
         enough = most if role == "time" else min(2, most)
-        roles[role] = next(k for k, count in different.items() if count >= enough)
-        others = [f"{table.label(k)!r} (column {k + 1})" for k in different if k != roles[role]]
+        roles[role] = first = next(k for k, count in different.items() if count >= enough)
+        taken, *others = (
+            f"{table.label(k)!r} (column {k + 1})" for k in sorted(different, key=first.__ne__)
+        )
         if others:
             option = "--object" if role == "object" else "--columns"
-            taken = f"{table.label(roles[role])!r} (column {roles[role] + 1}) taken as {role}"
-            table.notes.append(f"{taken}, not {' or '.join(others)} ({option})")
+            table.notes.append(f"{taken} taken as {role}, not {' or '.join(others)} ({option})")
     return roles
 
 
 def numbered_column(table: Table, option: str, name: str) -> int:
     """Return the number from 0 of a column that is given by its name or its number from 1."""
     wanted = name.strip().lower()
-    same = [k for k, other in enumerate(table.names) if other.strip().lower() == wanted and wanted]
-    if not same and wanted.isdigit() and 1 <= int(wanted[:9]) <= len(table.names):
-        return int(wanted) - 1
+    same = [k for k, other in enumerate(table.names) if wanted and other.strip().lower() == wanted]
+    if wanted.isdigit() and 1 <= int(wanted[:9]) <= len(table.names):
+        same = same or [int(wanted) - 1]
     if len(same) != 1:
-        several = "several columns have this name" if same else table.listed()
-        raise reject(option, name, f"a column of {table.file}, by name or number: {several}")
+        listed = table.listed()
+        raise reject(option, name, f"one column of {table.file}, by name or number: {listed}")
     return same[0]

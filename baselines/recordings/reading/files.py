@@ -173,7 +173,8 @@ def _read_text(content: bytes, file: str) -> Table:
     notes: list[str] = []
     texts = _decoded(content, file, notes).split("\n")
     LIMITS.check(file, line=max(map(len, texts)))
-    rows = pd.Series(texts, range(1, len(texts) + 1))
+    # Texts of Python: a copy would need as much memory again.
+    rows = pd.Series(texts, range(1, len(texts) + 1), object)
     blank = rows.str.isspace() | (rows == "")
     filled = rows[~blank]
     if filled.empty:

@@ -110,18 +110,17 @@ def read_modes(
         if (times.epoch is not None) != dated:
             with suppress(ArgumentError):
                 times = read_times(table, {**roles, "time": other}, time_unit)
-    cells = table.frame[roles["mode"]].astype(object)
+    samples = pd.DataFrame({"time": times.seconds, "mode": table.frame[roles["mode"]]})
     result = ModeFile({}, {})
     # From here on what is noted concerns rows that are samples.
     table.notes, table.left_out = [], {}
     for name, rows in object_rows(table, roles, Path(path)):
-        ordered, seconds = ordered_rows(table, times.seconds, rows)
-        instants: FloatArray | NDArray[np.datetime64] = seconds
-        if times.epoch is not None:
-            instants = dates_since(times.epoch, seconds)
-        result.times[name] = instants
+        ordered = ordered_rows(table, samples.iloc[rows])
+        seconds = ordered.time.to_numpy()
+        dates = None if times.epoch is None else dates_since(times.epoch, seconds)
+        result.times[name] = seconds if dates is None else dates
         result.modes[name] = [
-            None if pd.isna(cells.iloc[row]) else cell_text(cells.iloc[row]) for row in ordered
+            None if pd.isna(cell) else cell_text(cell) for cell in ordered["mode"]
         ]
     if said := remarks(table):
         warnings.warn(f"{table.file}: {'; '.join(said)}", stacklevel=2)

@@ -58,7 +58,7 @@ class Places(NamedTuple):
     # Of the positions on the plane; None if the file does not name it.
     unit: str | None
     # Whether `values` are degrees.
-    degrees: bool
+    degrees: bool = False
     # That measured them.
     radar: Radar | None = None
     # (n,) its range rates.
@@ -92,7 +92,7 @@ def read_recordings(
         object_column: column that tells several objects apart; `none` for a file with one object;
             None finds it by its name.
         unit: unit of x and y; `deg` for longitude and latitude; None takes it from the header.
-        time_unit: unit of the times: s, ms, us, ns, min, h, or a format such as `%d/%m/%Y
+        time_unit: unit of the times: s, ms, us, ns, min, h, d, or a format such as `%d/%m/%Y
             %H:%M:%S`; None recognises dates, times of day, and seconds, milliseconds ... since
             1970, and otherwise means seconds.
         tau: duration of a tick [s] of a file without times; None counts time in ticks.
@@ -119,11 +119,24 @@ def read_recordings(
         places = _read_polar(table, roles, times, rows_of, radar, thousands)
     else:
         places = _read_positions(table, roles, unit, thousands)
+    everything = pd.DataFrame(
+        {
+            "time": times.seconds,
+            "x": places.values[:, 0],
+            "y": places.values[:, 1],
+            "wrong": places.wrong,
+            "cell": times.cells,
+            "rate": places.rates,
+            "segment": table.segments,
+        },
+        table.frame.index,
+    )
     marked = object_column is not None or len(rows_of) > 1
     recordings, refused = [], []
     for name, rows in rows_of:
         try:
-            recordings.append(_recording(table, times, places, rows, marked, name=name, gap=gap))
+            own = everything.iloc[rows]
+            recordings.append(_recording(table, times, places, own, marked, name=name, gap=gap))
         except ArgumentError as error:
             refused.append(str(error))
     if bad_rows == "refuse" and table.left_out:
@@ -188,6 +201,9 @@ def read_times(
         )
         allowed = "a number, a date, or --time-unit with a format such as '%d/%m/%Y %H:%M:%S'"
         _check_readable(table, number, np.isnan(times.seconds), allowed)
+        if times.cells is None and times.epoch is not None:
+            known = np.nan_to_num(times.seconds)
+            times = times._replace(cells=iso_texts(dates_since(times.epoch, known)))
         if number != roles.get("index") or times.kind or (times.seconds % 1.0).any():
             return times
         ticks = times.seconds - times.seconds.min()
@@ -214,23 +230,23 @@ def _read_positions(
     """Parse the columns of the positions; a unit of None is that of the header."""
     degrees = "lat" in roles
     axes = [roles[role] for role in (("lon", "lat") if degrees else ("x", "y"))]
-    named = {split_unit(table.names[column])[1] for column in axes}
-    if not degrees and unit is None:
-        [unit] = named if len(named) == 1 else [None]
+    of_x, of_y = (split_unit(table.names[column])[1] for column in axes)
+    if unit is None and of_x == of_y:
+        unit = of_x
     if not degrees and unit is not None and unit.lower() in DEGREES:
         degrees = True
         table.notes.append("x taken as longitude and y as latitude")
-    parse = parse_angles if degrees else parse_numbers
-    columns = [parse(table.frame[column], thousands) for column in axes]
-    for column, (_, unread, _) in zip(axes, columns, strict=True):
+    values = np.empty((len(table.frame), 2))
+    wrong = np.zeros(len(values), np.bool_)
+    for k, column in enumerate(axes):
+        parse = parse_angles if degrees else parse_numbers
+        values[:, k], unread, comma = parse(table.frame[column], thousands)
         _check_readable(table, column, unread, "numbers, or --thousands with the mark between them")
-    values = np.column_stack([numbers for numbers, _, _ in columns])
-    wrong = np.any([wrong for _, wrong, _ in columns], axis=0)
-    if any(comma for _, _, comma in columns):
-        table.notes.append("decimal comma")
+        wrong |= unread
+        table.notes += ["decimal comma"] * comma
     if degrees:
         values, form = in_degrees(values, any("position" in table.names[k].lower() for k in axes))
-        if named == {"rad"}:
+        if unit == "rad":
             values, form = np.degrees(values), "radians"
         if form:
             table.notes.append(f"latitude and longitude are {form}")
@@ -318,7 +334,7 @@ def _recording(
     table: Table,
     times: Times,
     places: Places,
-    rows: IntArray,
+    rows: pd.DataFrame,
     marked: bool,
     *,
     name: str,
@@ -326,30 +342,29 @@ def _recording(
 ) -> Recording:
     """Return the recording of an object; `marked`: the rows are known to be of one object."""
     already, total = cleaning.lost(table), len(rows)
-    rows, seconds = cleaning.ordered_rows(table, times.seconds, rows, places.values, marked)
-    wrong = places.wrong[rows]
-    table.leave_out("rows whose position cannot be read", table.lines[rows[wrong]])
-    rows, seconds = rows[~wrong], seconds[~wrong]
-    positions = places.values[rows]
-    measured = np.flatnonzero(~np.isnan(positions).any(axis=1))
+    rows = cleaning.ordered_rows(table, rows, marked)
+    rows = table.without(rows, rows.wrong, "rows whose position cannot be read")
+    axes = ["x", "y"]
+    measured = rows.dropna(subset=axes)
     if len(measured) < 2:
         raise ArgumentError(
             f"{table.file}: {name} has {len(measured)} measured positions: expected at least two"
         )
     projection = None
-    if places.unit is None and cleaning.look_like_degrees(seconds[measured], positions[measured]):
+    if places.unit is None and cleaning.look_like_degrees(
+        measured.time.to_numpy(), measured[axes].to_numpy()
+    ):
         raise ArgumentError(
             f"{table.file}: x and y look like degrees: --unit deg for longitude x and latitude y,"
             " or --unit m for a plane"
         )
     if places.degrees:
-        projection = centred_projection(*positions[:, ::-1].T)
-        positions = projection.forward(*positions[:, ::-1].T)
-    stale = measured[cleaning.stale_rows(positions[measured])]
-    table.leave_out("positions that a stale source repeats", table.lines[rows[stale]])
-    fresh = np.delete(np.arange(len(rows)), stale)
-    rows, seconds, positions = rows[fresh], seconds[fresh], positions[fresh]
-    if not marked and cleaning.rows_alternate(positions[~np.isnan(positions[:, 0])]):
+        projection = centred_projection(rows.y, rows.x)
+        rows[axes] = projection.forward(rows.y, rows.x)
+        measured = rows.dropna(subset=axes)
+    stale = measured.index[cleaning.stale_rows(measured[axes].to_numpy())]
+    rows = table.without(rows, rows.index.isin(stale), "positions that a stale source repeats")
+    if not marked and cleaning.rows_alternate(rows[axes].dropna().to_numpy()):
         raise ArgumentError(
             f"{table.file}: rows alternate between places that are far apart, as of two objects:"
             " name by --object the column that tells them apart, or --object none for a single one"
@@ -357,27 +372,19 @@ def _recording(
     if cleaning.lost(table) - already > 0.5 * total:
         causes = cleaning.causes(table)
         raise ArgumentError(f"{table.file}: more than half of {name} is left out: {causes}")
-    breaks: Any = ()
-    if table.segments is not None:
-        # Reception was lost, or the logger was switched off.
-        breaks = np.flatnonzero(np.diff(table.segments[rows])) + 1
-    time_cells: Any = None
-    if times.cells is not None:
-        time_cells = times.cells[rows]
-    elif times.epoch is not None:
-        time_cells = iso_texts(dates_since(times.epoch, times.seconds[rows]))
     return make_recording(
-        seconds,
-        positions,
+        rows.time.to_numpy(),
+        rows[axes].to_numpy(),
         name=name,
         gap=gap,
-        breaks=breaks,
+        # Reception was lost, or the logger was switched off.
+        breaks=np.flatnonzero(rows.segment.diff().fillna(0.0)),
         unit=places.unit or "units",
         time_unit=times.unit,
         epoch=times.epoch,
         projection=projection,
         radar=places.radar,
-        rates=None if places.rates is None else places.rates[rows],
-        lines=table.lines[rows],
-        time_cells=time_cells,
+        rates=None if places.rates is None else rows.rate.to_numpy(),
+        lines=rows.index.to_numpy(),
+        time_cells=None if times.cells is None else rows.cell.to_numpy(),
     )

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from hybrid_env.checks import IntArray
@@ -18,8 +19,8 @@ class Table:
     frame: pd.DataFrame
     # Whether the file names its columns.
     headed: bool = True
-    # (n,) number of the segment of a GPX track of each row.
-    segments: IntArray | None = None
+    # (n,) a number for the segment of a GPX track of each row.
+    segments: IntArray | int = 0
     # Lines that were left out, by the reason.
     left_out: dict[str, list[int]] = field(default_factory=dict)
     # What was assumed, for the summary.
@@ -39,6 +40,12 @@ class Table:
         """Note lines that are left out."""
         if len(lines):
             self.left_out.setdefault(reason, []).extend(int(line) for line in lines)
+
+    def without(self, rows: pd.DataFrame, wrong: Any, reason: str) -> pd.DataFrame:
+        """Return the rows but for those that are wrong, (n,), whose lines are noted."""
+        wrong = np.asarray(wrong, np.bool_)
+        self.leave_out(reason, rows.index[wrong])
+        return rows[~wrong]
 
     def listed(self) -> str:
         """Return the names of the columns for a message."""
