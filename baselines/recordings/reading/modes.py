@@ -112,8 +112,8 @@ def read_modes(
                 times = read_times(table, {**roles, "time": other}, time_unit)
     samples = pd.DataFrame({"time": times.seconds, "mode": table.frame[roles["mode"]]})
     result = ModeFile({}, {})
-    # From here on what is noted concerns rows that are samples.
-    table.notes, table.left_out = [], {}
+    # What is told concerns the modes, and from here on rows that are samples.
+    table.notes, table.left_out = [note for note in table.notes if "taken as mode" in note], {}
     for name, rows in object_rows(table, roles, Path(path)):
         ordered = ordered_rows(table, samples.iloc[rows])
         seconds = ordered.time.to_numpy()

@@ -68,3 +68,7 @@ def test_columns_that_are_not_clear_are_refused(read):
         read("t,whatever\n0,left\n1,right\n")
     with pytest.raises(ArgumentError, match=r"no column of times .*--columns, as time=1"):
         read("whatever,mode\n0,left\n1,right\n")
+    with pytest.warns(
+        UserWarning, match=r"'state' \(column 2\) taken as mode, not 'mode' \(column 3"
+    ):
+        read("t,state,mode\n0,a,left\n1,b,right\n")
