@@ -51,8 +51,8 @@ class Score:
     as track.
     """
     time_unit: str | None = None
-    """Unit of the times: s, ms, us, ns, min, h, or a format such as '%d/%m/%Y %H:%M:%S'. By default
-    that of the header or seconds; dates are recognised.
+    """Unit of the times: s, ms, us, ns, min, h, d, or a format such as '%d/%m/%Y %H:%M:%S'. By
+    default that of the header or seconds; dates are recognised.
     """
     per: Literal["h", "min", "s"] = "h"
     """Time in which false changes are counted."""

@@ -64,8 +64,8 @@ class Track(TrackingArguments, TrustArguments):
     the header.
     """
     time_unit: str | None = None
-    """Unit of the times: s, ms, us, ns, min, h, or a format such as '%d/%m/%Y %H:%M:%S'. By default
-    ISO dates, seconds, and s, ms, us or ns since 1970 are recognised."""
+    """Unit of the times: s, ms, us, ns, min, h, d, or a format such as '%d/%m/%Y %H:%M:%S'. By
+    default dates, times of day, seconds, and s, ms, us or ns since 1970 are recognised."""
     tau: Quantity | None = None
     """Duration of a tick [s] of a file without times; by default time is counted in ticks."""
     thousands: str | None = None

@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from baselines.recordings.reading.cleaning import ahead_rows, going_on
+from baselines.recordings.reading.cleaning import SET_BACK, ahead_rows, going_on
 from baselines.recordings.reading.values import DAY, unwrapped
-from hybrid_env.checks import ArgumentError, FloatArray
+from hybrid_env.checks import AnyArray, ArgumentError, FloatArray
 
 RECORD = re.compile(
     rb"^(B(\d\d)(\d\d)(\d\d)(\d\d)(\d{5})([NS])(\d{3})(\d{5})([EW])[AV]([-\d]\d{4})([-\d]\d{4}))([^\r\n]*)",
@@ -31,9 +31,8 @@ class IgcLog(NamedTuple):
         altitudes: (n,) by pressure, or by satellites where the log has no pressure [m].
         step: resolution of latitude [m].
         records: (n,) the first 35 columns of each B record, for other readers.
-        left_out: number of positions whose time does not fit those around them.
-        set_back: number of times that the clock was set back; from then on `times` are of the next
-            day.
+        notes: what was wrong with the clock: positions left out, or times set back, from which on
+            `times` are of the next day.
     """
 
     times: FloatArray
@@ -42,20 +41,7 @@ class IgcLog(NamedTuple):
     altitudes: FloatArray
     step: float
     records: tuple[bytes, ...]
-    left_out: int = 0
-    set_back: int = 0
-
-    @property
-    def notes(self) -> list[str]:
-        """What was wrong with the clock, in words."""
-        notes = []
-        if self.left_out:
-            notes.append(f"positions left out whose time does not fit: {self.left_out:,}")
-        if self.set_back:
-            notes.append(
-                f"times that the clock was set back, where a new piece begins: {self.set_back:,}"
-            )
-        return notes
+    notes: tuple[str, ...] = ()
 
 
 def is_igc(content: bytes) -> bool:
@@ -80,48 +66,54 @@ def parse_igc(name: str, content: bytes) -> IgcLog:
     matches = RECORD.findall(content)
     if not matches:
         raise ArgumentError(f"{name} has no positions (B records): expected at least two")
-    columns = list(zip(*matches, strict=True))
-    numbers = [np.array(columns[k]).astype(np.float64) for k in (1, 2, 3, 4, 5, 7, 8, 10, 11)]
-    hours, minutes, seconds, *parts, pressure, satellites = numbers
-    clock = 3600.0 * hours + 60.0 * minutes + seconds
-    head = content[: content.index(columns[0][0])]
-    angles = []
-    step = 0.0
-    for k, signs, negative, word in ((0, 6, b"S", b"LAD"), (2, 9, b"W", b"LOD")):
-        more, digits = _more_digits(head, word, columns[12])
-        degrees = parts[k] + (parts[k + 1] + more) / 60_000.0
-        angles.append(np.where(np.array(columns[signs]) == negative, -degrees, degrees))
-        # Of a degree of latitude.
-        step = 111_200.0 / 60_000.0 / 10.0**digits
-    latitudes, longitudes = angles
+    columns = [np.array(column) for column in zip(*matches, strict=True)]
+    hours, minutes, seconds = (column.astype(np.float64) for column in columns[1:4])
+    pressure, satellites = (column.astype(np.float64) for column in columns[10:12])
+    head = content[: content.index(matches[0][0])]
+    latitudes, digits = _degrees(columns[4:7], b"S", _extension(head, b"LAD"), columns[12])
+    longitudes, _ = _degrees(columns[7:10], b"W", _extension(head, b"LOD"), columns[12])
     known = (np.abs(latitudes) <= 90.0) & (np.abs(longitudes) <= 180.0)
     places = np.flatnonzero(known & ((latitudes != 0.0) | (longitudes != 0.0)))
-    times = unwrapped(clock[places])
+    times = unwrapped((3600.0 * hours + 60.0 * minutes + seconds)[places])
     right = ~ahead_rows(times)
     times, _ = going_on(times[right])
     later = times > np.append(-np.inf, np.maximum.accumulate(times)[:-1])
     times, kept = times[later], places[right][later]
     if len(kept) < 2:
         raise ArgumentError(f"{name} has {len(kept)} positions: expected at least two")
-    altitudes = pressure if np.ptp(pressure) > 0.0 else satellites
-    records = tuple(columns[0][k] for k in kept)
-    set_back = int((np.diff(times) > 0.5 * DAY).sum())
-    left_out = len(places) - len(kept)
+    counts = {
+        "positions left out whose time does not fit": len(places) - len(kept),
+        SET_BACK: (np.diff(times) > 0.5 * DAY).sum(),
+    }
     return IgcLog(
-        times, latitudes[kept], longitudes[kept], altitudes[kept], step, records, left_out, set_back
+        times,
+        latitudes[kept],
+        longitudes[kept],
+        (pressure if np.ptp(pressure) > 0.0 else satellites)[kept],
+        # Of a degree of latitude.
+        111_200.0 / 60_000.0 / 10.0**digits,
+        tuple(matches[k][0] for k in kept),
+        tuple(f"{what}: {count:,}" for what, count in counts.items() if count),
     )
 
 
-def _more_digits(head: bytes, word: bytes, tails: Sequence[bytes]) -> tuple[FloatArray, int]:
-    """Return what an extension of the B records adds to thousandths of minutes, (n,), and its
-    digits.
+def _extension(head: bytes, word: bytes) -> slice:
+    """Return where the B records have more digits, counted behind their first 35 columns."""
+    found = re.search(rb"^I\d\d(?:\d{4}...)*?(\d\d)(\d\d)" + word, head, re.MULTILINE)
+    return slice(int(found[1]) - 36, int(found[2]) - 35) if found else slice(0)
+
+
+def _degrees(
+    columns: Sequence[AnyArray], negative: bytes, extension: slice, tails: AnyArray
+) -> tuple[FloatArray, int]:
+    """Return the degrees of whole ones, thousandths of minutes and signs (n,), with the digits of
+    an extension that most records have, and how many these are.
     """
-    for line in re.findall(rb"^I\d\d([^\r\n]*)", head, re.MULTILINE):
-        for first, last in re.findall(rb"(\d\d)(\d\d)" + word, line):
-            columns = slice(max(int(first) - 36, 0), int(last) - 35)
-            cells = np.array([tail[columns] for tail in tails])
-            digits = int(last) - int(first) + 1
-            valid = np.char.isdigit(cells) & (np.char.str_len(cells) == digits)
-            if 2 * valid.sum() > len(tails):
-                return np.where(valid, cells, b"0").astype(np.float64) / 10.0**digits, digits
-    return np.zeros(len(tails)), 0
+    cells = np.array([tail[extension] for tail in tails])
+    digits = max(extension.stop - (extension.start or 0), 0)
+    valid = np.char.isdigit(cells) & (np.char.str_len(cells) == digits)
+    if 2 * valid.sum() <= len(cells):
+        valid, digits = np.zeros(len(cells), np.bool_), 0
+    more = np.where(valid, cells, b"0").astype(np.float64) / 10.0**digits
+    degrees = columns[0].astype(np.float64) + (columns[1].astype(np.float64) + more) / 60_000.0
+    return np.where(columns[2] == negative, -degrees, degrees), digits

@@ -13,22 +13,13 @@ ROLES = {
     "time": (
         "t time times timestamp datetime date_time epoch ts unix unixtime unix_time posix utc"
         " elapsed elapsed_time basedatetime base_date_time date_time_utc sec secs seconds millis"
-        " milliseconds gps_time utc_time time_utc time_gps time_of_day local_time timeus time_us"
-        " time_boot_ms itow tow gms gps_sow sow gpsseconds gps_seconds gpstime updatetime fly_time"
-        " offset_time tst now global_time timestamp_external trial_time position_t stamp jd mjd"
+        " milliseconds second gps_time utc_time time_utc time_gps time_of_day local_time"
+        " time_boot tow gps_sow sow gpsseconds gps_seconds gpstime updatetime fly_time"
+        " offset_time tst now global_time timestamp_external trial_time position_t stamp"
         " zeit uhrzeit zeitstempel fecha_hora hora heure horodatage ora tijd tid klockslag czas"
         " время 时间 時間 時刻 日時"
     ),
     "date": ("date gps_date utc_date date_utc local_date datum fecha data dato дата 日期 日付"),
-    "week": "week gps_week gpsweek gwk wn gps_wn",
-    # Beside a time of whole seconds.
-    "fraction": "ms msec millisecond nsec nsecs nanosec nanoseconds",
-    "year": "year yyyy",
-    "month": "month",
-    "day": "day dd",
-    "hour": "hour hours hh",
-    "minute": "minute minutes min",
-    "second": "second ss",
     "fix_time": (
         "lastposupdate last_position_update time_position position_time pos_time fix_time"
         " gps_fix_time"
@@ -52,8 +43,6 @@ ROLES = {
         " laengengrad geo_länge longitud longitudine lengtegraad dlugosc lengde lengdegrad долгота"
         " 经度 経度"
     ),
-    # Latitude and longitude in one cell.
-    "position": "position location coordinates coords latlon lat_lon latlng gps geometry wkt",
     "north_south": "n_s ns lat_dir lat_hemisphere latitude_hemisphere ns_indicator",
     "east_west": "e_w ew lon_dir lon_hemisphere longitude_hemisphere ew_indicator",
     "range": "range rng rho distance slant_range measured_range",
@@ -65,45 +54,39 @@ ROLES = {
         " individual_local_identifier tag_local_identifier animal animal_id name ped_id"
         " pedestrian_id person person_id pid uid uuid tag tag_id"
     ),
+    # Of a file of modes.
+    "mode": (
+        "mode modes true_mode truth stated statement statements predicted prediction label labels"
+        " state states regime class manoeuvre maneuver phase"
+    ),
     # The number of the row, as spreadsheets and pandas write it.
     "index": "unnamed_0 index row nr no frame frame_id frame_number",
-    # Whether the sensor had a position.
-    "valid": "valid visible status gps_status fix fix_type gps_fix gps_fix_type fix_quality",
 }
 """Names of the columns of each role, in lower case and joined by underscores."""
 
 GIVEN_ROLES = ("time", "date", "x", "y", "lat", "lon", "range", "bearing", "rate")
 """Roles of --columns."""
 
-PARTS = ("year", "month", "day", "hour", "minute", "second")
-"""Roles of the parts of dates and times that have columns of their own."""
-
 SECONDS = {
-    **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), 1.0),
-    **dict.fromkeys(("ms", "msec", "millis", "millisecond", "milliseconds"), 1e-3),
-    **dict.fromkeys(("us", "µs", "μs", "usec", "microsecond", "microseconds"), 1e-6),
-    **dict.fromkeys(("ns", "nsec", "nsecs", "nanosec", "nanoseconds"), 1e-9),
-    **dict.fromkeys(("min", "minute", "minutes"), 60.0),
-    **dict.fromkeys(("h", "hour", "hours"), 3600.0),
+    name: scale
+    for names, scale in (
+        ("s sec secs second seconds", 1.0),
+        ("ms msec millis millisecond milliseconds", 1e-3),
+        ("us µs μs usec microsecond microseconds", 1e-6),
+        ("ns nsec nsecs nanosec nanoseconds", 1e-9),
+        ("min minute minutes", 60.0),
+        ("h hour hours", 3600.0),
+        ("d day days", 86_400.0),
+    )
+    for name in names.split()
 }
 """Units of time [s]."""
-
-UNITS = {
-    **dict.fromkeys(
-        ["millis", "milliseconds", "ms", "msec", "millisecond", "time_boot_ms", "itow", "gms"], "ms"
-    ),
-    **dict.fromkeys(["timeus", "time_us"], "us"),
-    **dict.fromkeys(["nsec", "nsecs", "nanosec", "nanoseconds"], "ns"),
-}
-"""Units of times that their names say."""
 
 DEGREES = ("deg", "degree", "degrees", "°")
 LENGTHS = "m km cm mm um ft yd mi nmi px rad mrad mil mils gon grad"
 
 
-@functools.cache
-def _roles() -> dict[str, str]:
-    return {name: role for role, names in ROLES.items() for name in names.split()}
+ROLE_OF = {name: role for role, names in ROLES.items() for name in names.split()}
 
 
 def plain_name(name: str) -> str:
@@ -120,31 +103,30 @@ def split_unit(name: str) -> tuple[str, str | None]:
     # In longer texts, and in many spaces, a search for brackets would take long.
     name = " ".join(name[:200].split())
     words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name)
-    parts = re.split(r"[.:]", words)
     # A letter means nothing without the word before it.
-    last = "_".join(parts[-2:] if len(parts[-1]) == 1 else parts[-1:])
+    last = re.findall(r"[^.:]*[.:][^.:]$|[^.:]*$", words)[0]
     splits = [_split(text) for text in (name, words, last)]
-    return next((split for split in splits if split[0] in _roles()), splits[0])
+    return next((split for split in splits if split[0] in ROLE_OF), splits[0])
 
 
 def _split(name: str) -> tuple[str, str | None]:
-    known = {*LENGTHS.split(), *SECONDS, *DEGREES}
     # The signs of latitudes and longitudes are no unit.
-    name = re.sub(r"(?<=\w) +(n/s|e/w)$", "", name, flags=re.IGNORECASE)
-    plain = plain_name(name)
-    if plain in _roles():
-        return plain, UNITS.get(plain)
-    match = re.fullmatch(r"\s*(.+?)\s*(?:\[(.*)\]|\((.*)\)|/\s*(\w+))\s*", name)
+    plain = plain_name(re.sub(r"(?i)(?<=\w) +(n/s|e/w)$", "", name))
+    if plain in ROLE_OF:
+        return plain, plain if plain in SECONDS else None
+    known = {*LENGTHS.split(), *SECONDS, *DEGREES}
+    match = re.fullmatch(r"(.+?)\s*(?:\[(.*)\]|\((.*)\)|/\s*(\w+))", name)
     if match and (match[4] is None or match[4].lower() in known):
-        unit = next(part for part in match.groups()[1:] if part is not None).strip()
-        return plain_name(match[1]), unit or None
+        return plain_name(match[1]), "".join(filter(None, match.groups()[1:])).strip() or None
     base, _, unit = plain.rpartition("_")
     return (base, unit) if base and unit in known else (plain, None)
 
 
 def role_of(name: str) -> str | None:
-    """Return the role of a column by its name, None if it has none."""
-    return _roles().get(split_unit(name)[0])
+    """Return the role of a column by its name, None if it has none. A column without a name is an
+    index.
+    """
+    return ROLE_OF.get(split_unit(name)[0]) if name else "index"
 
 
 def columns_by_role(texts: Sequence[str], roles: Sequence[str]) -> dict[str, str]:

@@ -12,19 +12,18 @@ import pandas as pd
 
 from baselines.recordings.projection import centred_projection
 from baselines.recordings.reading import cleaning
-from baselines.recordings.reading.columns import Columns, find_columns
-from baselines.recordings.reading.files import Table, read_table
-from baselines.recordings.reading.names import DEGREES, PARTS, SECONDS, plain_name, split_unit
+from baselines.recordings.reading.columns import find_columns
+from baselines.recordings.reading.files import read_table
+from baselines.recordings.reading.names import DEGREES, split_unit
 from baselines.recordings.reading.summary import summary
+from baselines.recordings.reading.table import Table
 from baselines.recordings.reading.values import (
     Times,
     in_degrees,
     parse_angles,
     parse_numbers,
     parse_times,
-    since_1970,
     texts_of,
-    unwrapped,
 )
 from baselines.recordings.recording import Recording, dates_since, iso_texts, make_recording
 from baselines.recordings.scatter import noise_deviations
@@ -59,7 +58,7 @@ class Places(NamedTuple):
     # Of the positions on the plane; None if the file does not name it.
     unit: str | None
     # Whether `values` are degrees.
-    degrees: bool
+    degrees: bool = False
     # That measured them.
     radar: Radar | None = None
     # (n,) its range rates.
@@ -93,7 +92,7 @@ def read_recordings(
         object_column: column that tells several objects apart; `none` for a file with one object;
             None finds it by its name.
         unit: unit of x and y; `deg` for longitude and latitude; None takes it from the header.
-        time_unit: unit of the times: s, ms, us, ns, min, h, or a format such as `%d/%m/%Y
+        time_unit: unit of the times: s, ms, us, ns, min, h, d, or a format such as `%d/%m/%Y
             %H:%M:%S`; None recognises dates, times of day, and seconds, milliseconds ... since
             1970, and otherwise means seconds.
         tau: duration of a tick [s] of a file without times; None counts time in ticks.
@@ -116,55 +115,57 @@ def read_recordings(
     roles = find_columns(table, columns, object_column, axes)
     rows_of = object_rows(table, roles, Path(path))
     times = read_times(table, roles, time_unit, tau)
-    if "bearing" in roles.roles:
+    if "bearing" in roles:
         places = _read_polar(table, roles, times, rows_of, radar, thousands)
     else:
         places = _read_positions(table, roles, unit, thousands)
-    total = len(table.frame)
+    everything = pd.DataFrame(
+        {
+            "time": times.seconds,
+            "x": places.values[:, 0],
+            "y": places.values[:, 1],
+            "wrong": places.wrong,
+            "cell": times.cells,
+            "rate": places.rates,
+            "segment": table.segments,
+        },
+        table.frame.index,
+    )
     marked = object_column is not None or len(rows_of) > 1
-    recordings = []
-    refused = []
+    recordings, refused = [], []
     for name, rows in rows_of:
         try:
-            recordings.append(_recording(table, times, places, rows, marked, name=name, gap=gap))
+            own = everything.iloc[rows]
+            recordings.append(_recording(table, times, places, own, marked, name=name, gap=gap))
         except ArgumentError as error:
-            if len(rows_of) == 1:
-                raise
             refused.append(str(error))
     if bad_rows == "refuse" and table.left_out:
         line, reason = min((min(lines), reason) for reason, lines in table.left_out.items())
         raise ArgumentError(f"{table.file}, line {line}: {reason}: left out with --bad-rows skip")
     if not recordings:
-        raise ArgumentError(f"{table.file}: no object can be tracked: {refused[0]}")
+        raise ArgumentError(refused[0])
     tick = recordings[0].tick
-    if (
-        tau is not None
-        and times.unit == "s"
-        and "time" in roles.roles
-        and abs(tau / tick - 1) > 1e-3
-    ):
+    if tau is not None and "time" in roles and abs(tau / tick - 1) > 1e-3:
         raise reject("tau", tau, f"no value, or the median step of the times, {tick:.6g}")
-    count = cleaning.lost(table)
-    warnings = refused
+    count, total = cleaning.lost(table), len(table.frame)
     if count > 0.1 * total:
         causes = cleaning.causes(table)
-        warnings = [f"{table.file}: {count:,} of {total:,} rows are left out: {causes}", *refused]
+        refused.insert(0, f"{table.file}: {count:,} of {total:,} rows are left out: {causes}")
     left_out = {reason: len(lines) for reason, lines in table.left_out.items()}
     return RecordingFile(
         tuple(replace(recording, left_out=left_out) for recording in recordings),
         summary(table, roles, times, recordings),
         left_out,
-        tuple(warnings),
+        tuple(refused),
     )
 
 
-def object_rows(table: Table, roles: Columns, path: Path) -> list[tuple[str, IntArray]]:
+def object_rows(table: Table, roles: dict[str, int], path: Path) -> list[tuple[str, IntArray]]:
     """Return the names of the objects and their rows."""
-    column = roles.roles.get("object")
-    if column is None:
+    if "object" not in roles:
         stem = path.name.removesuffix(".gz")
         return [(_writable(Path(stem).stem or stem), np.arange(len(table.frame)))]
-    codes, names = pd.factorize(table.frame[column])
+    codes, names = pd.factorize(table.frame[roles["object"]])
     table.leave_out("rows without an object", table.lines[codes < 0])
     return [(cell_text(name), np.flatnonzero(codes == k)) for k, name in enumerate(names)]
 
@@ -183,69 +184,37 @@ def _writable(text: str) -> str:
 
 
 def read_times(
-    table: Table, roles: Columns, unit: str | None = None, tau: float | None = None
+    table: Table, roles: dict[str, int], unit: str | None = None, tau: float | None = None
 ) -> Times:
     """Return the times of all rows; without a column of times the ticks, by an index or by the
     number of the row.
     """
-    times = _times_of_parts(table, roles.roles)
-    if times is not None:
-        return times
-    number = roles.roles.get("fix_time", roles.roles.get("time", roles.roles.get("date")))
-    if number is not None:
-        date = roles.roles.get("week", roles.roles.get("date"))
-        joined = date is not None and date != number and "fix_time" not in roles.roles
+    clocks = [roles[role] for role in ("fix_time", "time", "date", "index") if role in roles]
+    ticks = np.arange(len(table.frame), dtype=np.float64)
+    if clocks:
+        number, date = clocks[0], roles.get("date")
         times = parse_times(
             table.frame[number],
-            table.frame[date] if joined else None,
+            None if date is None or date == number else table.frame[date],
             unit,
             split_unit(table.names[number])[1],
         )
         allowed = "a number, a date, or --time-unit with a format such as '%d/%m/%Y %H:%M:%S'"
         _check_readable(table, number, np.isnan(times.seconds), allowed)
-        fraction = roles.roles.get("fraction")
-        if fraction is not None and not (times.seconds % 1.0).any():
-            parts, _, _ = parse_numbers(table.frame[fraction])
-            scale = SECONDS[split_unit(table.names[fraction])[1] or "s"]
-            return times._replace(seconds=times.seconds + scale * parts)
-        dated = pd.api.types.is_datetime64_any_dtype(table.frame[number])
-        if dated or times.kind in ("dates and times of day", "GPS weeks and seconds"):
+        if times.cells is None and times.epoch is not None:
+            known = np.nan_to_num(times.seconds)
+            times = times._replace(cells=iso_texts(dates_since(times.epoch, known)))
+        if number != roles.get("index") or times.kind or (times.seconds % 1.0).any():
             return times
-        return times._replace(cells=table.frame[number].to_numpy())
-    if unit is not None:
+        ticks = times.seconds - times.seconds.min()
+        table.notes.append(f"{table.label(number)!r} taken as ticks")
+    elif unit is not None:
         allowed = f"no value, as {table.file} has no times: name them by --columns time=..."
         raise reject("time_unit", unit, allowed)
-    ticks = np.arange(len(table.frame), dtype=np.float64)
-    index = roles.roles.get("index")
-    if index is not None:
-        numbers, _, _ = parse_numbers(table.frame[index])
-        if np.isfinite(numbers).all() and (
-            "object" in roles.roles or (np.diff(numbers) > 0.0).all()
-        ):
-            ticks = numbers - numbers.min()
-            table.notes.append("index column taken as ticks")
     if tau is None:
         return Times(ticks, None, "", "ticks")
     # Without the rounding errors of the products.
     return Times(np.round(tau * ticks, 9 - int(np.floor(np.log10(tau)))), None, "")
-
-
-def _times_of_parts(table: Table, roles: dict[str, int]) -> Times | None:
-    """Return times of columns of hours, minutes ..., None if there are none."""
-    time = roles.get("time")
-    if time is not None and plain_name(table.names[time]) in ("sec", "secs", "seconds"):
-        roles["second"] = roles.pop("time")
-    if "time" in roles or not {"hour", "minute"} <= {*roles}:
-        for part, role in (("second", "time"), ("day", "date")):
-            if part in roles:
-                roles.setdefault(role, roles[part])
-        return None
-    parts = {part: parse_numbers(table.frame[roles[part]])[0] for part in PARTS if part in roles}
-    clock = 3600.0 * parts["hour"] + 60.0 * parts["minute"] + parts.get("second", 0.0)
-    if not {"year", "month", "day"} <= {*parts}:
-        return Times(unwrapped(clock), None, "times of day")
-    days = pd.to_datetime(pd.DataFrame({part: parts[part] for part in PARTS[:3]}), errors="coerce")
-    return since_1970((days - pd.Timestamp(0)).dt.total_seconds().to_numpy() + clock, "dates")
 
 
 def _check_readable(table: Table, column: int, wrong: BoolArray, allowed: str) -> None:
@@ -256,73 +225,47 @@ def _check_readable(table: Table, column: int, wrong: BoolArray, allowed: str) -
 
 
 def _read_positions(
-    table: Table, roles: Columns, unit: str | None, thousands: str | None
+    table: Table, roles: dict[str, int], unit: str | None, thousands: str | None
 ) -> Places:
     """Parse the columns of the positions; a unit of None is that of the header."""
-    degrees = "lat" in roles.roles
-    axes = [roles.roles[role] for role in (("lon", "lat") if degrees else ("x", "y"))]
-    named = {split_unit(table.names[column])[1] for column in axes}
-    if degrees and unit not in (None, "m", *DEGREES):
-        raise reject("unit", unit, f"no value, as {table.file} has latitudes and longitudes")
-    if not degrees and unit is None:
-        if len(named) > 1:
-            labels = " and ".join(repr(table.label(column)) for column in axes)
-            raise ArgumentError(
-                f"{table.file}: {labels} have different units: expected one, or --unit"
-            )
-        unit = named.pop()
+    degrees = "lat" in roles
+    axes = [roles[role] for role in (("lon", "lat") if degrees else ("x", "y"))]
+    of_x, of_y = (split_unit(table.names[column])[1] for column in axes)
+    if unit is None and of_x == of_y:
+        unit = of_x
     if not degrees and unit is not None and unit.lower() in DEGREES:
         degrees = True
         table.notes.append("x taken as longitude and y as latitude")
-    parse = parse_angles if degrees else parse_numbers
-    columns = [parse(table.frame[column], thousands) for column in axes]
-    values = np.column_stack([numbers for numbers, _, _ in columns])
-    wrong = np.any([wrong for _, wrong, _ in columns], axis=0)
-    for column, (_, unread, _) in zip(axes, columns, strict=True):
+    values = np.empty((len(table.frame), 2))
+    wrong = np.zeros(len(values), np.bool_)
+    for k, column in enumerate(axes):
+        parse = parse_angles if degrees else parse_numbers
+        values[:, k], unread, comma = parse(table.frame[column], thousands)
         _check_readable(table, column, unread, "numbers, or --thousands with the mark between them")
-    if any(comma for _, _, comma in columns):
-        table.notes.append("decimal comma")
+        wrong |= unread
+        table.notes += ["decimal comma"] * comma
     if degrees:
-        semicircles = any(
-            "position" in table.names[column] or "semicircles" in table.names[column]
-            for column in axes
-        )
-        values, form = in_degrees(values, semicircles)
-        if named == {"rad"}:
+        values, form = in_degrees(values, any("position" in table.names[k].lower() for k in axes))
+        if unit == "rad":
             values, form = np.degrees(values), "radians"
         if form:
             table.notes.append(f"latitude and longitude are {form}")
-        if np.median(np.nan_to_num(np.abs(values[:, 1]))) > 90.0:
-            values = values[:, ::-1].copy()
-            table.notes.append("latitude and longitude are swapped")
+        _check_readable(table, axes[1], np.abs(values[:, 1]) > 90.0, "latitudes up to 90 degrees")
         for k, role in enumerate(("east_west", "north_south")):
-            if role in roles.roles:
-                letters = table.frame[roles.roles[role]].astype("str").str.strip().str.upper()
+            if role in roles:
+                letters = texts_of(table.frame[roles[role]]).str.upper()
                 values[letters.str.startswith(("W", "S")).to_numpy(), k] *= -1.0
-    with np.errstate(invalid="ignore"):
-        wrong |= (np.abs(values) > ([360.0, 90.0] if degrees else 1e12)).any(axis=1)
-    wrong |= _without_fix(table, roles)
-    values[wrong] = np.nan
-    wrong |= cleaning.fill_values(values)
+        # A receiver without a position gives zeros.
+        far = np.median(np.nan_to_num(np.abs(values)).max(axis=1)) > 1.0
+        wrong |= (values == 0.0).all(axis=1) & far
+    wrong |= (np.abs(values) > ([360.0, 90.0] if degrees else 1e12)).any(axis=1)
     values[wrong] = np.nan
     return Places(values, wrong, "m" if degrees else unit, degrees)
 
 
-def _without_fix(table: Table, roles: Columns) -> BoolArray:
-    """Return in which rows (n,) the sensor says that it had no position."""
-    number = roles.roles.get("valid")
-    if number is None:
-        return np.zeros(len(table.frame), np.bool_)
-    cells = texts_of(table.frame[number]).str.lower()
-    # The status 0 of a ship is that it moves.
-    numbers = [] if "status" in table.names[number].lower() else ["0", "0.0"]
-    without: BoolArray = cells.isin(["false", "v", "no", "invalid", *numbers]).to_numpy()
-    return without & (without.mean() < 0.5)
-
-
 def _read_polar(
     table: Table,
-    roles: Columns,
+    roles: dict[str, int],
     times: Times,
     rows_of: Sequence[tuple[str, IntArray]],
     radar: Radar | None,
@@ -332,13 +275,13 @@ def _read_polar(
     Without a radar its standard deviations are those of the measurements.
     """
     names = ("range", "bearing", "rate")[: 2 if radar is None else radar.values]
-    columns = [parse_numbers(table.frame[roles.roles[name]], thousands) for name in names]
-    length, angle, *speed = (split_unit(table.names[roles.roles[name]])[1] for name in names)
+    columns = [parse_numbers(table.frame[roles[name]], thousands) for name in names]
+    length, angle, *speed = (split_unit(table.names[roles[name]])[1] for name in names)
     if angle not in (None, "rad", *DEGREES):
-        name = f"{table.file}: unit of {table.label(roles.roles['bearing'])}"
+        name = f"{table.file}: unit of {table.label(roles['bearing'])}"
         raise reject(name, angle, "deg or rad")
     if length is not None and speed not in ([], [None], [f"{length}/s"]):
-        name = f"{table.file}: unit of {table.label(roles.roles['rate'])}"
+        name = f"{table.file}: unit of {table.label(roles['rate'])}"
         raise reject(name, speed[0], f"{length}/s, as of the range")
     radians = angle == "rad"
     table.notes.append(
@@ -391,73 +334,57 @@ def _recording(
     table: Table,
     times: Times,
     places: Places,
-    rows: IntArray,
+    rows: pd.DataFrame,
     marked: bool,
     *,
     name: str,
     gap: float | None,
 ) -> Recording:
     """Return the recording of an object; `marked`: the rows are known to be of one object."""
-    already = cleaning.lost(table)
-    total = len(rows)
-    rows, seconds = cleaning.ordered_rows(table, times.seconds, rows, places.values, marked)
-    table.leave_out("rows whose position cannot be read", table.lines[rows[places.wrong[rows]]])
-    kept = ~places.wrong[rows]
-    rows, seconds = rows[kept], seconds[kept]
-    positions = places.values[rows]
-    projection = None
-    measured = np.flatnonzero(~np.isnan(positions).any(axis=1))
+    already, total = cleaning.lost(table), len(rows)
+    rows = cleaning.ordered_rows(table, rows, marked)
+    rows = table.without(rows, rows.wrong, "rows whose position cannot be read")
+    axes = ["x", "y"]
+    measured = rows.dropna(subset=axes)
     if len(measured) < 2:
         raise ArgumentError(
             f"{table.file}: {name} has {len(measured)} measured positions: expected at least two"
         )
-    if places.unit is None and cleaning.look_like_degrees(seconds[measured], positions[measured]):
-        (west, south), (east, north) = (
-            positions[measured].min(axis=0),
-            positions[measured].max(axis=0),
-        )
+    projection = None
+    if places.unit is None and cleaning.look_like_degrees(
+        measured.time.to_numpy(), measured[axes].to_numpy()
+    ):
         raise ArgumentError(
-            f"{table.file}: x from {west:.6g} to {east:.6g} and y from {south:.6g} to {north:.6g}"
-            " look like degrees: --unit deg for longitude x and latitude y, or --unit m for a plane"
+            f"{table.file}: x and y look like degrees: --unit deg for longitude x and latitude y,"
+            " or --unit m for a plane"
         )
     if places.degrees:
-        projection = centred_projection(*positions[:, ::-1].T)
-        positions = projection.forward(*positions[:, ::-1].T)
-    fresh = cleaning.fresh_rows(seconds[measured], positions[measured])
-    stale = np.delete(measured, fresh)
-    table.leave_out("positions that a stale source repeats", table.lines[rows[stale]])
-    kept = np.ones(len(rows), np.bool_)
-    kept[stale] = False
-    if not marked and cleaning.rows_alternate(positions[kept & ~np.isnan(positions[:, 0])]):
+        projection = centred_projection(rows.y, rows.x)
+        rows[axes] = projection.forward(rows.y, rows.x)
+        measured = rows.dropna(subset=axes)
+    stale = measured.index[cleaning.stale_rows(measured[axes].to_numpy())]
+    rows = table.without(rows, rows.index.isin(stale), "positions that a stale source repeats")
+    if not marked and cleaning.rows_alternate(rows[axes].dropna().to_numpy()):
         raise ArgumentError(
             f"{table.file}: rows alternate between places that are far apart, as of two objects:"
             " name by --object the column that tells them apart, or --object none for a single one"
         )
-    rows, seconds, positions = rows[kept], seconds[kept], positions[kept]
     if cleaning.lost(table) - already > 0.5 * total:
         causes = cleaning.causes(table)
         raise ArgumentError(f"{table.file}: more than half of {name} is left out: {causes}")
-    breaks: Any = ()
-    if table.segments is not None:
-        # Reception was lost, or the logger was switched off.
-        breaks = np.flatnonzero(np.diff(table.segments[rows])) + 1
-    time_cells: Any = None
-    if times.cells is not None:
-        time_cells = times.cells[rows]
-    elif times.epoch is not None:
-        time_cells = iso_texts(dates_since(times.epoch, times.seconds[rows]))
     return make_recording(
-        seconds,
-        positions,
+        rows.time.to_numpy(),
+        rows[axes].to_numpy(),
         name=name,
         gap=gap,
-        breaks=breaks,
+        # Reception was lost, or the logger was switched off.
+        breaks=np.flatnonzero(rows.segment.diff().fillna(0.0)),
         unit=places.unit or "units",
         time_unit=times.unit,
         epoch=times.epoch,
         projection=projection,
         radar=places.radar,
-        rates=None if places.rates is None else places.rates[rows],
-        lines=table.lines[rows],
-        time_cells=time_cells,
+        rates=None if places.rates is None else rows.rate.to_numpy(),
+        lines=rows.index.to_numpy(),
+        time_cells=None if times.cells is None else rows.cell.to_numpy(),
     )

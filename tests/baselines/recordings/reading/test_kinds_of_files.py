@@ -73,7 +73,7 @@ def test_what_pandas_writes(check, ending, separator, index, compressed):
             {"columns": {"time": "1", "x": "x", "y": "y"}},
             "",
         ),
-        (PLANE.to_csv(), {"times": None}, "index column taken as ticks"),
+        (PLANE.to_csv(), {"times": None}, "'column 1' taken as ticks"),
         (PLANE, {"times": None}, "no times: a row is a tick (--tau)"),
         (PLANE, {"tau": 0.25}, "tick 0.25 s"),
         (FRAME.to_csv(header=False, index=False), {}, "no header: columns taken as time, x, y"),
@@ -114,7 +114,7 @@ def test_export_of_a_spreadsheet(check, encoding, end):
     )
     text = frame.to_csv(sep=";", decimal=",", lineterminator=end) + f";;;;{end}" * 3
     summary = check(("sep=;" + end + text).encode(encoding))
-    for said in (" km; ", "decimal comma", "empty rows (3)", "columns not used: Höhe"):
+    for said in (" km; ", "decimal comma", "blank lines (3)", "columns not used: Höhe"):
         assert said in summary
 
     assert ("Windows-1252" in summary) == (encoding == "cp1252")
@@ -130,7 +130,7 @@ def test_what_numpy_writes(check, header, delimiter):
     )
     summary = check(stream.getvalue(), name="walk.txt")
 
-    assert ("lines before the header (1)" in summary) == (len(lines) > 1)
+    assert ("headers and comments (1)" in summary) == (len(lines) > 1)
 
 
 GPX = """<?xml version="1.0" encoding="UTF-8"?>
@@ -177,7 +177,7 @@ def test_gpx_without_times_and_with_two_tracks(read, read_one):
         ("Morning run", 20),
         ("track 2", 9),
     ]
-    with pytest.raises(ArgumentError, match="GPX file with points of a track or route"):
+    with pytest.raises(ArgumentError, match="GPX file with points of a track"):
         read(GPX.format(""))
 
 

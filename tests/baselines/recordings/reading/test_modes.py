@@ -21,9 +21,11 @@ def read(tmp_path):
     [
         ("t,mode\n0,left\n0.5,\n1,right\n", {}),
         ("time [ms];x;stated\n0;7;left\n500;7;\n1000;8;right\n", {}),
-        ("t,whatever\n0,left\n0.5,\n1,right\n", {}),
         ("a,b\n0,left\n0.5,\n1,right\n", {"columns": {"time": "1", "mode": "b"}}),
-        ("a,b\n0,left\n500,\n1000,right\n", {"columns": {"time": "a"}, "time_unit": "ms"}),
+        (
+            "a,b\n0,left\n500,\n1000,right\n",
+            {"columns": {"time": "a", "mode": "2"}, "time_unit": "ms"},
+        ),
         ("t,object,mode\n0,p,left\n0.5,p,\n1,p,right\n", {"object_column": "none"}),
     ],
 )
@@ -59,3 +61,14 @@ def test_rows_that_are_sorted_or_without_a_time_are_said(read):
     with pytest.warns(UserWarning, match=r"modes\.csv: .*sorted: 1.*rows without a time \(2\)"):
         file = read("t,mode\n0,a\n1,b\n3,d\n2,c\nnan,x\n,y\n4,e\n")
     assert file.modes == {"modes": [*"abcde"]}
+
+
+def test_columns_that_are_not_clear_are_refused(read):
+    with pytest.raises(ArgumentError, match=r"no columns mode .*--columns time=1 mode=2"):
+        read("t,whatever\n0,left\n1,right\n")
+    with pytest.raises(ArgumentError, match=r"no column of times .*--columns, as time=1"):
+        read("whatever,mode\n0,left\n1,right\n")
+    with pytest.warns(
+        UserWarning, match=r"'state' \(column 2\) taken as mode, not 'mode' \(column 3"
+    ):
+        read("t,state,mode\n0,a,left\n1,b,right\n")

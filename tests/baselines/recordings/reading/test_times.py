@@ -110,5 +110,5 @@ def test_times_of_day_as_numbers_are_not_taken_for_seconds(read_times, step, pre
     recording, summary = read_times(clock_cells(3.0 * step * np.arange(ROWS), prefix), "TIME")
     # Numbers of 14 digits.
     np.testing.assert_allclose(np.diff(recording.times), 3.0 * step, atol=0.01)
-    kind = "dates from 2026-05-01" if prefix else "hours, minutes and seconds (HHMMSS)"
+    kind = "from 2026-05-01" if prefix else "times of day (%H%M%S"
     assert kind in summary
