@@ -136,7 +136,5 @@ def columns_by_role(texts: Sequence[str], roles: Sequence[str]) -> dict[str, str
         role, sign, column = text.partition("=")
         if not sign or role not in roles or not column:
             raise reject("columns", text, f"role=column with a role of {', '.join(roles)}")
-        if role in columns:
-            raise reject("columns", text, f"one column for {role}")
         columns[role] = column
     return columns

@@ -231,8 +231,13 @@ def _read_positions(
     degrees = "lat" in roles
     axes = [roles[role] for role in (("lon", "lat") if degrees else ("x", "y"))]
     of_x, of_y = (split_unit(table.names[column])[1] for column in axes)
-    if unit is None and of_x == of_y:
-        unit = of_x
+    if degrees and unit not in (None, "m", *DEGREES):
+        raise reject("unit", unit, f"no value, as {table.file} has latitudes and longitudes")
+    if unit is None and of_x != of_y:
+        raise ArgumentError(
+            f"{table.file}: positions in {of_x} and {of_y}: expected one, or --unit"
+        )
+    unit = unit or of_x
     if not degrees and unit is not None and unit.lower() in DEGREES:
         degrees = True
         table.notes.append("x taken as longitude and y as latitude")
@@ -246,7 +251,7 @@ def _read_positions(
         table.notes += ["decimal comma"] * comma
     if degrees:
         values, form = in_degrees(values, any("position" in table.names[k].lower() for k in axes))
-        if unit == "rad":
+        if of_x == "rad":
             values, form = np.degrees(values), "radians"
         if form:
             table.notes.append(f"latitude and longitude are {form}")

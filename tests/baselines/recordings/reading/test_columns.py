@@ -46,6 +46,10 @@ def test_units(read_one):
     assert read_one(FRAME, unit="furlong").unit == "furlong"
     assert read_one(FEET).unit == "ft"
     assert read_one(MIXED, unit="m").unit == "m"
+    with pytest.raises(ArgumentError, match="positions in ft and m: expected one, or --unit"):
+        read_one(MIXED)
+    with pytest.raises(ArgumentError, match=r"unit='km' .*latitudes and longitudes"):
+        read_one(FRAME.set_axis(["t", "lat", "lon"], axis=1), unit="km")
 
 
 @pytest.mark.parametrize(
