@@ -49,7 +49,7 @@ def find_columns(
         raise ArgumentError(f"{table.file}: no columns {wanted} ({table.listed()}): {hint}")
     # Metres on a plane are more exact than the degrees beside them.
     pair = max(pairs, key=lambda pair: {*given} >= {*pair})
-    kept = [*pair, "time", "date", "fix_time", "index", "north_south", "east_west"]
+    kept = [*pair, "time", "date", "fix_time", "index", "valid", "north_south", "east_west"]
     roles = {role: k for role, k in roles.items() if role in kept}
     if object_column is None:
         kept.append("object")

@@ -61,6 +61,8 @@ ROLES = {
     ),
     # The number of the row, as spreadsheets and pandas write it.
     "index": "unnamed_0 index row nr no frame frame_id frame_number",
+    # Whether the sensor had a position.
+    "valid": "valid visible status gps_status fix fix_type gps_fix gps_fix_type fix_quality",
 }
 """Names of the columns of each role, in lower case and joined by underscores."""
 

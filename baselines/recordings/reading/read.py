@@ -260,12 +260,22 @@ def _read_positions(
             if role in roles:
                 letters = texts_of(table.frame[roles[role]]).str.upper()
                 values[letters.str.startswith(("W", "S")).to_numpy(), k] *= -1.0
-        # A receiver without a position gives zeros.
-        far = np.median(np.nan_to_num(np.abs(values)).max(axis=1)) > 1.0
-        wrong |= (values == 0.0).all(axis=1) & far
     wrong |= (np.abs(values) > ([360.0, 90.0] if degrees else 1e12)).any(axis=1)
+    if "valid" in roles:
+        wrong |= _without_fix(table, roles["valid"])
+    values[wrong] = np.nan
+    wrong |= cleaning.fill_values(values)
     values[wrong] = np.nan
     return Places(values, wrong, "m" if degrees else unit, degrees)
+
+
+def _without_fix(table: Table, column: int) -> BoolArray:
+    """Return in which rows (n,) the sensor says that it had no position."""
+    # The status 0 of a ship is that it moves.
+    numbers = [] if "status" in table.names[column].lower() else ["0", "0.0"]
+    cells = texts_of(table.frame[column]).str.lower()
+    without: BoolArray = cells.isin(["false", "v", "no", "invalid", *numbers]).to_numpy()
+    return without & (without.mean() < 0.5)
 
 
 def _read_polar(

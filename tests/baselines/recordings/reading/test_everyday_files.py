@@ -139,6 +139,12 @@ FILES = {
     "out of range": (lost(999.0), "rows whose position cannot be read (11)"),
     "AIS without a position": (lost([91.0, 181.0]), "rows whose position cannot be read (11)"),
     "zeros": (lost(0.0), "rows whose position cannot be read (11)"),
+    "9999": (lost(9999.0), "rows whose position cannot be read (11)"),
+    "-1": (lost(-1.0), "rows whose position cannot be read (11)"),
+    "status": (
+        lost([47.3, 9.4]).assign(status=np.where(LOST, "V", "A")),
+        "rows whose position cannot be read (11)",
+    ),
     "null": (lost("null"), "11 rows without a position"),
     "no fix": (lost("no fix"), "rows whose position cannot be read (11)"),
     "header after comments": (
@@ -170,7 +176,8 @@ FILES = {
 
 # Measurements that cannot be read.
 FEWER = {"clock that is set late": 8, "one ahead": 1} | dict.fromkeys(
-    ["out of range", "AIS without a position", "zeros", "null", "no fix"], 11
+    ["out of range", "AIS without a position", "zeros", "9999", "-1", "status", "null", "no fix"],
+    11,
 )
 
 
@@ -245,6 +252,15 @@ def test_days_of_a_calendar_need_their_unit(read):
     frame = clock(Time=(DAYS + 25_569.0).round(9))
     [recording] = read(frame, time_unit="d").recordings
     np.testing.assert_allclose(np.diff(recording.times), STEP, atol=1e-3)
+
+
+@pytest.mark.parametrize("fill", [-999, 9999, 0])
+def test_numbers_in_place_of_positions_on_a_plane(read, fill):
+    frame = pd.DataFrame({"time": T, "x": X + 800.0, "y": Y + 400.0})
+    [expected] = read(frame[~LOST], unit="m").recordings
+    frame.loc[LOST, ["x", "y"]] = fill
+    [recording] = read(frame, unit="m").recordings
+    np.testing.assert_array_equal(recording.positions[recording.measured], expected.positions)
 
 
 @pytest.mark.parametrize("stands", [False, True])
