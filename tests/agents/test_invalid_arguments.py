@@ -28,7 +28,7 @@ INVALID_ARGUMENTS = [
     ("track nofile.csv", "file='nofile.csv'"),
     ("track good.csv --columns x=z y=y", "columns='z'"),
     ("track good.csv ./good.csv", "output folders of different names"),
-    ("score good.csv good.csv", "no column of times (its columns are x, y)"),
+    ("score good.csv good.csv", "no columns mode (its columns are x, y)"),
 ]
 
 

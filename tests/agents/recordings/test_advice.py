@@ -27,7 +27,7 @@ RANGES = {"time": T, "range": (np.hypot(X + 900.0, Y) / 90.0).round() * 90.0, "a
 @pytest.mark.parametrize(
     ("columns", "options", "cause", "advice"),
     [
-        (DEGREES, "", "x from .* look like degrees", "--unit deg"),
+        (DEGREES, "", "x and y look like degrees", "--unit deg"),
         (TWO, "", "rows alternate .* two objects", "--object who"),
         ({"t": T, "u": X, "v": Y}, "", "no columns x and y", "--columns time=1 x=2 y=3"),
         ({"t": T, "x_m": X, "y_ft": Y}, "", "different units", "--unit m"),
