@@ -30,7 +30,7 @@ RANGES = {"time": T, "range": (np.hypot(X + 900.0, Y) / 90.0).round() * 90.0, "a
         (DEGREES, "", "x and y look like degrees", "--unit deg"),
         (TWO, "", "rows alternate .* two objects", "--object who"),
         ({"t": T, "u": X, "v": Y}, "", "no columns x and y", "--columns time=1 x=2 y=3"),
-        ({"t": T, "x_m": X, "y_ft": Y}, "", "different units", "--unit m"),
+        ({"t": T, "x_m": X, "y_ft": Y}, "", "positions in m and ft", "--unit m"),
         (PLANE | {"time": [f"day {t:.0f}" for t in T]}, "", "time='day 0'.*--time-unit", None),
         (
             PLANE | {"x": [f"{x + 5000:,.2f}" for x in X]},
