@@ -137,4 +137,4 @@ def test_the_quick_form_trains_an_agent(tmp_path, run_study):
     printed = run_study("shipped", "--quick", "--out", str(tmp_path))
 
     assert "| rhythm | HybridTrackQuickest-v0 |" in printed
-    assert (tmp_path / "rhythm" / "policy.json").exists()
+    assert (tmp_path / "shipped.md").read_text() in printed
