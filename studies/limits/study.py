@@ -107,7 +107,7 @@ def bound_calls(episodes: int, seed: int, quick: bool) -> list[Any]:
 
 def best_threshold(task: Task, decider: Any, episodes: int) -> int:
     """Return the index of the threshold with the best reward on a third as many other episodes."""
-    return task.best(sweep(task, decider, max(episodes // 3, 50), SELECTION))
+    return task.best(sweep(task, decider, max(episodes // 3, 10), SELECTION))
 
 
 def step_rows(
