@@ -15,8 +15,8 @@ from hybrid_env.checks import BoolArray, FloatArray, IntArray
 from hybrid_env.compiled import MOST_RATES
 from hybrid_env.sensors import Fused
 
-# By which modes are decided, of a process noise that was found: this also covers brakes, and turns
-# that begin gradually. Chosen for simulated objects with both.
+# Of the process noise, by which modes are decided: a noise that was found also covers brakes, and
+# turns that begin gradually. Chosen for simulated objects with both; a given noise has it too.
 PROCESS_SHARE = 0.3
 
 
