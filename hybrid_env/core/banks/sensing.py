@@ -63,12 +63,12 @@ def correct_scalar(
     whitened innovation, the logarithm of its variance, and False if the filter has diverged.
     """
     a, b, c, d = h
-    wide = widened(p)
-    rows = rows_of(wide)
+    rows = rows_of(p)
     k = combination(h, rows[:4])
     sigma = a * k[0] + b * k[1] + c * k[2] + d * k[3] + variance
     inverse = 1.0 / sigma
-    corrected = minus_square(wide, k, inverse)
+    # The widening exceeds the rounding errors of the difference, however small the variance.
+    corrected = minus_square(widened(p), k, inverse)
     left = rows_of(corrected)
     # These comparisons are False for NaN and for values that would lead to NaN.
     valid = (
