@@ -6,7 +6,7 @@ from typing import Any
 import pandas as pd
 from joblib import delayed
 
-from agents import Task, find_decider, select_threshold, sweep, task_of
+from agents import Task, bound_scores, find_decider, select_threshold, sweep, task_of
 from baselines import Estimate
 from studies.results import in_brackets, in_parallel, markdown_table
 from studies.shifts.worlds import NOMINAL, draw_worlds, shifted_worlds
@@ -58,7 +58,8 @@ def evaluate_world(
 
     Each uses the threshold with the best reward, selected on other episodes, once of this
     environment and once of the nominal one. Rules that are fitted to an environment are fitted
-    here. The row of the first has its differences to the best of the others.
+    here. The row of the first has its differences to the best of the others, and the bound if
+    switches are announced.
     """
     goal = task.statistic("reward")
     every = []
@@ -79,6 +80,8 @@ def evaluate_world(
         for name, scores in zip(usual, every, strict=True)
     ]
     first, *others = every
+    if task.options.switches == "announced":
+        rows[0]["bound"] = bound_scores(task, episodes, seed).estimate(goal, 0)
     if others:
         other = max(others, key=lambda scores: scores.curve(goal)[0])
         rows[0] |= {
@@ -97,10 +100,12 @@ def markdown(rows: Sequence[Row]) -> str:
         cells = [_cell(row["reward"], row["nominal_reward"]) for row in deciders]
         if len(deciders) > 1:
             cells.append(_cell(deciders[0]["difference"], deciders[0]["nominal_difference"]))
+        if "bound" in here:
+            cells.append(in_brackets(deciders[0]["bound"], 3, sign="+"))
         lines.append([str(world), *cells])
     names = [row["decider"] for row in deciders]
     head = ["environment", *names, *[f"{names[0]} less the best other"] * (len(names) > 1)]
-    return markdown_table(head, lines)
+    return markdown_table([*head, *["bound"] * ("bound" in here)], lines)
 
 
 def _cell(at_best: Estimate, at_nominal: Estimate) -> str:

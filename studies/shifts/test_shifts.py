@@ -19,6 +19,7 @@ def test_the_quick_form_compares_the_first_decider_with_the_best_other(tmp_path,
         assert first["best_other"] == "ATE (SPRT)"
         difference = first["reward"]["value"] - other["reward"]["value"]
         assert first["difference"]["value"] == pytest.approx(difference)
+        assert first["reward"]["value"] < first["bound"]["value"] + 0.1
     assert rows[0]["threshold"] == rows[0]["nominal_threshold"] == rows[2]["nominal_threshold"]
 
 
