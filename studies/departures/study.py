@@ -14,7 +14,7 @@ import pandas as pd
 from matplotlib import colormaps
 from matplotlib.figure import Figure
 
-from agents import find_decider, select_threshold, sweep, task_of
+from agents import bound_scores, find_decider, select_threshold, sweep, task_of
 from hybrid_env import RandomScheme
 from studies.pictures import draw_estimates
 from studies.results import in_brackets, markdown_table
@@ -58,7 +58,7 @@ def _process(factor: float) -> Level:
 ANNOUNCED = (
     "HybridTrackPublished-v0",
     ("propagated", "propagated-robust"),
-    ("shipped", "msprt", "ate"),
+    ("shipped", "msprt", "at-once", "ate"),
 )
 ROADS = (
     Road(
@@ -113,7 +113,8 @@ def quick_roads() -> list[Road]:
 
 
 def respond(road: Road, level: str, episodes: int, seed: int) -> list[Row]:
-    """Return rows, as in JSON, of the best rule that is told and of the deciders at one level.
+    """Return rows, as in JSON, of the best rule that is told and of the deciders at one level, and
+    of the bound if switches are announced; it is one where the noise is normal.
 
     The gap is the reward less that of this rule on the same episodes; None in its own row.
     """
@@ -131,6 +132,8 @@ def respond(road: Road, level: str, episodes: int, seed: int) -> list[Row]:
         # Made for the nominal model.
         decider = find_decider(name, task.options)
         compared.append(sweep(world, decider, episodes, seed, thresholds=(decider.default,)))
+    if task.options.switches == "announced":
+        compared.append(bound_scores(model, episodes, seed))
     return [
         {
             "road": road.title,

@@ -2,6 +2,7 @@
 
 import json
 
+import pandas as pd
 import pytest
 
 
@@ -10,13 +11,14 @@ def test_the_quick_form_compares_with_the_rule_that_is_told(tmp_path, run_study)
     rows = json.loads((tmp_path / "departures.json").read_text())
 
     assert "Rhythm: durations" in printed
-    references = rows[::2]
-    untold = rows[1::2]
+    levels = pd.DataFrame(rows).groupby(["road", "level"], sort=False)
     # Two levels of each road.
-    assert len(references) == len(untold) == 8
-    for reference, decider in zip(references, untold, strict=True):
-        assert reference["gap"] is None
-        gap = decider["reward"]["value"] - reference["reward"]["value"]
-        assert decider["gap"]["value"] == pytest.approx(gap)
-    assert (tmp_path / "departures.md").read_text().count("|---") == 3 * 4
+    assert len(levels) == 8
+    for (road, _), here in levels:
+        reference, *others = here.to_dict("records")
+        assert [row["decider"] for row in others[1:]] == ["bound"] * ("rhythm" not in road)
+        for row in others:
+            gap = row["reward"]["value"] - reference["reward"]["value"]
+            assert row["gap"]["value"] == pytest.approx(gap)
+    assert (tmp_path / "departures.md").read_text().count("|---") == 3 * 4 + 3
     assert (tmp_path / "departures.png").exists()
