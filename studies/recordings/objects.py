@@ -61,6 +61,8 @@ class SimulatedRecording(NamedTuple):
     positions: NDArray[np.float64]
     # (n,) S, L or R.
     modes: NDArray[np.str_]
+    # (n, 4) [x, vx, y, vy]
+    states: NDArray[np.float64]
 
 
 def record(name: str, kind: str, seed: int, ticks: int) -> SimulatedRecording:
@@ -106,7 +108,12 @@ def record(name: str, kind: str, seed: int, ticks: int) -> SimulatedRecording:
         rows = np.cumsum(generator.integers(2, 7, len(rows)))
         rows = rows[rows < fine * ticks]
     times: NDArray[np.float64] = np.array(target.tau / fine * (rows + 1.0), dtype=np.float64)
-    return SimulatedRecording(times, simulation.measurements[0, rows], np.array(list(modes))[rows])
+    return SimulatedRecording(
+        times,
+        simulation.measurements[0, rows],
+        np.array(list(modes))[rows],
+        simulation.truth[0, rows],
+    )
 
 
 def _words(mode: str, length: int, radius: float) -> list[str]:

@@ -12,8 +12,11 @@ import numpy as np
 from joblib import delayed
 
 from agents import find_decider, track_recording
+from agents.recordings.tracking import TrackedRecording
 from baselines import OnlineTracker, Scores, Statistic, score
-from studies.recordings.objects import TARGETS, SimulatedRecording, record
+from baselines.scoring.scores import quotient, ratio
+from hybrid_env.checks import FloatArray
+from studies.recordings.objects import TARGETS, SimulatedRecording, Target, record
 from studies.results import in_brackets, in_parallel, markdown_table
 
 COLUMNS = {
@@ -23,22 +26,41 @@ COLUMNS = {
     "wrong changes": ("false_changes", 2),
     "pieces below 3 rows": ("below_3", 2),
     "pieces below 5 rows": ("below_5", 2),
+    "switches within a row": ("within_1", 2),
+    "within three": ("within_3", 2),
+    "inside the 95 % interval": ("inside", 3),
+    "RMSE of position": ("position", 2),
+    "of velocity": ("velocity", 2),
 }
 """Heads of tables, with the key and the digits of a value; changes and pieces are counted in 1,000
-rows.
+rows; RMSE are in units of sqrt(R), and of sqrt(R) over a tick.
 """
 HINDSIGHT = "hindsight"
 """In place of a decider: rows are decided from all rows."""
-SHORT = {
-    key: Statistic((key, "rows"), lambda pieces, rows: 1000.0 * pieces / rows)
-    for key in ("below_3", "below_5")
+NEAR = 25
+"""Rows from a true switch to another one that is stated."""
+
+
+def _root(squares: FloatArray, rows: FloatArray) -> FloatArray:
+    return np.sqrt(quotient(squares, rows))
+
+
+STATISTICS = {
+    "below_3": ratio("below_3", "rows", 1000.0),
+    "below_5": ratio("below_5", "rows", 1000.0),
+    "within_1": ratio("within_1", "switches"),
+    "within_3": ratio("within_3", "switches"),
+    "inside": ratio("inside", "intervals"),
+    "position": Statistic(("position", "estimates"), _root),
+    "velocity": Statistic(("velocity", "estimates"), _root),
 }
+"""Of what `counts` returns, by key."""
 
 # A row of the table, as in JSON: values as `Estimate` or numbers.
 Row = dict[str, Any]
-# A recording, and by decider its stated modes (n,), indices as in `TrackedRecording`, with the
-# letters S, L and R, None where the object seems to stand still.
-Statements = tuple[SimulatedRecording, dict[str, Any], dict[str, Any]]
+# A recording, and by decider the letters S, L and R that it states, None where the object seems to
+# stand still, and what `counts` returns.
+Statements = tuple[SimulatedRecording, dict[str, Any], dict[str, dict[str, float]]]
 
 
 def state(name: str, kind: str, seed: int, ticks: int, deciders: Sequence[str]) -> Statements:
@@ -49,8 +71,8 @@ def state(name: str, kind: str, seed: int, ticks: int, deciders: Sequence[str]) 
     given: dict[str, Any] = {}
     if kind.endswith("known radius"):
         given["radii"] = (TARGETS[name].radius,)
-    stated = {}
     letters = {}
+    counted = {}
     for decider in deciders:
         live = decider != HINDSIGHT
         rule = decider if live else None
@@ -62,9 +84,49 @@ def state(name: str, kind: str, seed: int, ticks: int, deciders: Sequence[str]) 
             "process_variance": model.process_variance,
             "durations": f"geometric {model.duration!r}",
         }
-        stated[decider] = tracked.modes
         letters[decider] = tracked.of_modes(tracked.modes)[0]
-    return recording, stated, letters
+        counted[decider] = counts(recording, tracked, TARGETS[name])
+    return recording, letters, counted
+
+
+def counts(
+    recording: SimulatedRecording, tracked: TrackedRecording, target: Target
+) -> dict[str, float]:
+    """Return numbers of rows, short pieces and true switches of a recording: of those that are
+    stated so many rows beside the true one, and of those inside of the interval that is given for
+    them; and the sums of squared errors of position and velocity, see `COLUMNS`.
+    """
+    stated = tracked.of_modes(tracked.modes)[0]
+    begins = np.flatnonzero(np.diff(tracked.modes, prepend=-2))
+    lengths = np.diff(begins)
+    switches = np.flatnonzero(recording.modes[1:] != recording.modes[:-1]) + 1
+    intervals = dict(zip(tracked.pieces[:, 0].tolist(), tracked.moments, strict=True))
+    live = np.isnan(tracked.moments).all()
+    beside = []
+    inside = []
+    for row in switches:
+        same = begins[stated[begins] == recording.modes[row]]
+        nearest = min(same.tolist(), key=lambda begin: abs(begin - row), default=-NEAR)
+        beside.append(abs(nearest - row))
+        if beside[-1] < NEAR and nearest in intervals and not live:
+            low, high = intervals[nearest]
+            inside.append(low <= recording.times[row] <= high)
+    errors = (tracked.estimates - recording.states) / target.deviation
+    errors[:, 1::2] *= target.tau
+    return {
+        "rows": len(stated),
+        "below_3": np.sum(lengths < 3),
+        "below_5": np.sum(lengths < 5),
+        "shortest": min(lengths, default=0),
+        "switches": len(switches),
+        "within_1": np.sum(np.array(beside) <= 1),
+        "within_3": np.sum(np.array(beside) <= 3),
+        "intervals": len(inside),
+        "inside": np.sum(inside),
+        "estimates": np.sum(~np.isnan(errors[:, 0])),
+        "position": np.nansum(errors[:, ::2] ** 2),
+        "velocity": np.nansum(errors[:, 1::2] ** 2),
+    }
 
 
 def evaluate(
@@ -96,19 +158,15 @@ def compare(world: str, results: Sequence[Statements], deciders: Sequence[str]) 
     """Return a row of each decider on some recordings."""
     recordings = [result[0] for result in results]
     clocks = [np.arange(float(len(recording.times))) for recording in recordings]
-    sets = {decider: [letters[decider] for _, _, letters in results] for decider in deciders}
+    sets = {decider: [letters[decider] for _, letters, _ in results] for decider in deciders}
     scores = score(clocks, [recording.modes for recording in recordings], sets, per=1000.0)
     hours = sum(recording.times[-1] for recording in recordings) / 3600.0
     rows = []
     for decider in deciders:
-        lengths = [
-            np.diff(np.flatnonzero(np.diff(each[decider], prepend=-2))) for _, each, _ in results
-        ]
-        counts = [
-            [(of_track < 3).sum(), (of_track < 5).sum(), len(clock)]
-            for of_track, clock in zip(lengths, clocks, strict=True)
-        ]
-        pieces = Scores(decider, "", (0.0,), (*SHORT, "rows"), np.array(counts, float)[..., None])
+        of_tracks = [counted[decider] for _, _, counted in results]
+        columns = tuple(of_tracks[0])
+        numbers = np.array([[*of_track.values()] for of_track in of_tracks], float)
+        pieces = Scores(decider, "", (0.0,), columns, numbers[..., None])
         values = scores.estimates[decider]
         less = scores.differences.get(decider, {})
         rows.append(
@@ -116,10 +174,10 @@ def compare(world: str, results: Sequence[Statements], deciders: Sequence[str]) 
                 "recordings": world,
                 "decider": decider,
                 **values,
-                **{key: pieces.estimate(statistic) for key, statistic in SHORT.items()},
+                **{key: pieces.estimate(statistic) for key, statistic in STATISTICS.items()},
                 "right_less_first": less.get("agreement"),
                 "wrong_less_first": less.get("false_changes"),
-                "shortest": int(min(np.concatenate(lengths), default=0)),
+                "shortest": int(min(of_track["shortest"] for of_track in of_tracks)),
                 # Of the sum over all recordings, which is the mean times their number.
                 "hourly": scores.scores[decider].of("false", 0).sum() / hours,
                 # As in HybridTrackQuickest-v0.

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from studies.recordings.objects import KINDS, TARGETS, record
 
@@ -21,6 +22,8 @@ def test_the_quick_form_compares_two_deciders(tmp_path, run_study):
     assert steady["right_less_first"]["value"] == pytest.approx(difference)
     for row in rows:
         assert 0.8 < row["agreement"]["value"] < 1.0
+        assert 0.0 < row["position"]["value"] < 1.5
+        assert row["within_1"]["value"] < row["within_3"]["value"] < 1.0
     assert [row["recordings"] for row in rows[::2]] == [
         "all",
         "aircraft, uniform",
@@ -32,8 +35,12 @@ def test_the_quick_form_compares_two_deciders(tmp_path, run_study):
 @pytest.mark.parametrize("name", TARGETS)
 def test_rows_move_as_their_modes_say(name, kind):
     target = TARGETS[name]
-    times, positions, modes = record(name, kind, 3, 2000)
+    times, positions, modes, states = record(name, kind, 3, 2000)
     assert len(times) == len(positions) == len(modes)
+    errors = (positions - states[:, ::2]) / target.deviation
+    quartile = stats.t.ppf(0.75, 4.0 if kind == "rough" else np.inf)
+    # Five standard errors of a median of 4,000 absolute values.
+    assert abs(np.median(np.abs(errors)) - quartile) < 5.0 * 0.8 / np.sqrt(errors.size)
     steps = np.diff(times) / target.tau
     assert (steps.min(), steps.max() > 1.2) == {
         "missing": (pytest.approx(1.0), True),
