@@ -108,9 +108,12 @@ def install(wheel):
 
 @pytest.fixture(scope="module")
 def python(tmp_path_factory, install):
-    """The interpreter of the base install, beside a copy of the tests without the packages."""
+    """The interpreter of the base install, beside a copy of the tests and of the pages that they
+    run, without the packages.
+    """
     folder = tmp_path_factory.mktemp("installed")
     shutil.copytree(ROOT / "tests", folder / "tests")
+    shutil.copytree(ROOT / "docs/environments", folder / "docs/environments")
     shutil.copy(ROOT / "pyproject.toml", folder)
     return install(folder, "", "pytest", "hypothesis")
 

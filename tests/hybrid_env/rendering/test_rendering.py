@@ -5,6 +5,7 @@ import copy
 import gymnasium as gym
 import numpy as np
 import pytest
+from own_modes import every_mode
 
 from hybrid_env import (
     HybridTrackEnv,
@@ -12,8 +13,9 @@ from hybrid_env import (
     HybridTrackQuickestVectorEnv,
     HybridTrackVectorEnv,
 )
-from hybrid_env.modes import LinearMode
+from hybrid_env.modes import Accelerate, LinearMode, Stop, Straight, Turn
 from hybrid_env.rendering import FRAME_SIZE
+from hybrid_env.rendering.evidence import type_colours
 from hybrid_env.rendering.frame import draw_frame
 
 
@@ -133,6 +135,16 @@ def test_the_window_of_gymnasium_shows_the_frame(monkeypatch):
     shown = pygame.surfarray.array3d(pygame.display.get_surface()).swapaxes(0, 1)
     assert np.array_equal(shown, reference.render())
     env.close()
+
+
+@pytest.mark.parametrize("env_id", ["HybridTrack-v0", "HybridTrackQuickest-v0"])
+def test_modes_of_the_user_have_colours_in_a_frame(env_id):
+    modes = (Straight(), Turn(5.0), Stop(), Accelerate(0.5), *every_mode()[-2:])
+    env = gym.make(f"hybrid_env:{env_id}", modes=modes, render_mode="rgb_array")
+    env.reset(seed=2)
+    env.step(0)
+    assert env.render().std() > 0
+    assert set(type_colours(modes)) >= {mode.type for mode in modes}
 
 
 def test_six_modes_of_long_names_have_a_legend_inside_the_frame():
