@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import small_network
 import torch
 
 from agents.learned.policy_file import load_policy
@@ -48,7 +49,7 @@ KINDS = {
     "dqn": ("dqn", PUBLISHED, SCHEME, SMALL_Q),
     "qrdqn": ("qrdqn", PUBLISHED, SCHEME, (*SMALL_Q, "policy_kwargs.n_quantiles=5")),
     "ppo-quickest": ("ppo", "HybridTrackQuickest-v0", QUICK, SMALL_PPO),
-    "network": (str(Path(__file__).with_name("small_network.yml")), PUBLISHED, SCHEME, ()),
+    "network": (str(Path(small_network.__file__).with_suffix(".yml")), PUBLISHED, SCHEME, ()),
 }
 """Recipe, environment, its options and changed hyper-parameters."""
 WALL_CLOCK = ("seconds", "time/fps", "time/time_elapsed")
