@@ -26,7 +26,7 @@ that memory does not grow with all that it remembers.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -43,10 +43,14 @@ BLOCK = 512
 SPREAD = 0.5
 # Times that the turn rates are found anew.
 ROUNDS = 3
+# Ticks for which a turn may have half of its curvature at its begin.
+GRADUAL = np.array([0, 2, 4, 8])
+# Ticks between the begin of a piece and others with which it is compared.
+REACH = 10
 
 
 class Segments(NamedTuple):
-    """What the K segments of a track are made of."""
+    """What the K segments of a track are made of, and further ones that are no part of it."""
 
     # (T,) number of the segment of each tick.
     places: IntArray
@@ -121,6 +125,73 @@ def _begin(
     return begun, spread, J
 
 
+@internal
+def _first_begins(pieces: IntArray) -> IntArray:
+    """Return the first begin of each piece that is compared, (K,)."""
+    firsts = pieces[:, 0] - REACH
+    firsts[1:] = np.maximum(firsts[1:], pieces[:-1, 0] + 1)
+    return firsts
+
+
+@internal
+def _predict(
+    x: FloatArray, P: FloatArray, A: FloatArray, place: int, segments: Segments
+) -> tuple[FloatArray, FloatArray]:
+    """Return state and covariance after a tick of a segment, and write the matrix (7, 7) of the
+    state by that before.
+    """
+    A[:6, :6] = segments.F[place]
+    slope = segments.slopes[place] @ x[:6]
+    A[:6, 6] = slope
+    x = A @ x
+    x[:6] += segments.B[place] - slope * segments.rates[place]
+    P = A @ P @ A.T
+    P[:6, :6] += segments.Q[place]
+    return x, P
+
+
+@internal
+def _correct(
+    x: FloatArray,
+    P: FloatArray,
+    measurement: FloatArray,
+    noise: FloatArray,
+    freedom: float,
+    inverse: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]:
+    """Return state and covariance after a measurement, the gain (7, 2), the innovation (2,), and
+    the log-likelihood without its constant.
+
+    Args:
+        x: (7,) predicted state.
+        P: (7, 7) its covariance.
+        measurement: (2,) position, NaN if there is none [m].
+        noise: (3,) its covariance xx, xy, yy [m^2].
+        freedom: of Student's t errors; 0 is normal ones.
+        inverse: (2, 2) of the covariance of the innovation, 0 without a measurement, written.
+    """
+    if math.isnan(measurement[0]):
+        inverse[:] = 0.0
+        return x, P, np.zeros((STATES, 2)), np.zeros(2), 0.0
+    error = measurement - x[:2]
+    S = np.empty((2, 2))
+    weight, distance, determinant = 1.0, 0.0, 1.0
+    # To a robust likelihood the noise of a measurement that is far is larger.
+    for _ in range(2 if freedom > 0.0 else 1):
+        xx, xy, yy = noise / weight
+        S[0, 0], S[0, 1] = P[1, 1] + yy, -P[0, 1] - xy
+        S[1, 0], S[1, 1] = S[0, 1], P[0, 0] + xx
+        determinant = S[0, 0] * S[1, 1] - S[0, 1] * S[1, 0]
+        inverse[:] = S / determinant
+        distance = float(error @ (inverse @ error))
+        weight = min((freedom + 2.0) / (freedom + distance), 1.0)
+    gain = np.ascontiguousarray(P[:, :2]) @ inverse
+    P = P - gain @ P[:2]
+    log_likelihood = -0.5 * (distance + math.log(determinant))
+    # Rounding errors that are not symmetric would grow.
+    return x + gain @ error, 0.5 * (P + P.T), gain, error, log_likelihood
+
+
 @compiled
 def _filter(
     measurements: FloatArray,
@@ -145,44 +216,77 @@ def _filter(
     x = memory.states[0].copy()
     P = memory.covariances[0].copy()
     A = np.eye(STATES)
-    S = np.empty((2, 2))
     for k in range(len(measurements) - first):
         place = segments.places[first + k]
         J = np.eye(STATES)
         if segments.begins[first + k]:
             curvature, acceleration = segments.curvatures[place], segments.accelerations[place]
             x, P, J = _begin(x, P, curvature, acceleration, speed)
-        A[:6, :6] = segments.F[place]
-        slope = segments.slopes[place] @ x[:6]
-        A[:6, 6] = slope
-        x = A @ x
-        x[:6] += segments.B[place] - slope * segments.rates[place]
-        P = A @ P @ A.T
-        P[:6, :6] += segments.Q[place]
+        x, P = _predict(x, P, A, place, segments)
         memory.steps[k] = A @ J
-        memory.gains[k] = 0.0
-        memory.errors[k] = 0.0
-        memory.inverses[k] = 0.0
-        if not math.isnan(measurements[first + k, 0]):
-            error = measurements[first + k] - x[:2]
-            inverse = memory.inverses[k]
-            weight = 1.0
-            # To a robust likelihood the noise of a measurement that is far is larger.
-            for _ in range(2 if freedom > 0.0 else 1):
-                xx, xy, yy = noises[first + k] / weight
-                S[0, 0], S[0, 1] = P[1, 1] + yy, -P[0, 1] - xy
-                S[1, 0], S[1, 1] = S[0, 1], P[0, 0] + xx
-                inverse[:] = S / (S[0, 0] * S[1, 1] - S[0, 1] * S[1, 0])
-                weight = min((freedom + 2.0) / (freedom + error @ (inverse @ error)), 1.0)
-            gain = np.ascontiguousarray(P[:, :2]) @ inverse
-            x = x + gain @ error
-            P = P - gain @ P[:2]
-            # Rounding errors that are not symmetric would grow.
-            P = 0.5 * (P + P.T)
-            memory.gains[k] = gain
-            memory.errors[k] = error
+        seen, noise = measurements[first + k], noises[first + k]
+        x, P, gain, error, _ = _correct(x, P, seen, noise, freedom, memory.inverses[k])
+        memory.gains[k] = gain
+        memory.errors[k] = error
         memory.states[k + 1] = x
         memory.covariances[k + 1] = P
+
+
+@compiled
+def _compare(
+    measurements: FloatArray,
+    noises: FloatArray,
+    pieces: IntArray,
+    segments: Segments,
+    speed: float,
+    freedom: float,
+    states: FloatArray,
+    covariances: FloatArray,
+    gradual: IntArray,
+    log_likelihoods: FloatArray,
+) -> None:
+    """Write how likely the measurements around the begin of each piece are if it begins elsewhere,
+    or gradually.
+
+    Args:
+        measurements: as in `_filter`.
+        noises: likewise.
+        pieces: (K, 3) as in `PieceSmoother.smooth`.
+        segments: of the pieces, and then the same with half the curvature.
+        speed: as in `_begin`.
+        freedom: as in `_filter`.
+        states: (K, 7) before the first of the begins that are compared, see `_first_begins`.
+        covariances: (K, 7, 7) of the states.
+        gradual: (G,) ticks with half the curvature.
+        log_likelihoods: see `PieceSmoother.compare`, written.
+    """
+    A = np.eye(STATES)
+    inverse = np.empty((2, 2))
+    count = len(pieces)
+    firsts = _first_begins(pieces)
+    for k in range(1, count):
+        begin, end = pieces[k, 0], pieces[k, 1]
+        x, P = states[k].copy(), covariances[k].copy()
+        before = 0.0
+        for now in range(firsts[k], min(begin + REACH + 1, end - 1)):
+            for g in range(len(gradual)):
+                log_likelihood = before
+                y, V = x, P
+                whole = now + gradual[g]
+                for tick in range(now, min(end, begin + 3 * REACH)):
+                    place = k if tick >= whole else count + k
+                    if tick in (now, whole):
+                        curvature = segments.curvatures[place]
+                        y, V, _ = _begin(y, V, curvature, segments.accelerations[place], speed)
+                    y, V = _predict(y, V, A, place, segments)
+                    seen = measurements[tick]
+                    y, V, _, _, more = _correct(y, V, seen, noises[tick], freedom, inverse)
+                    log_likelihood += more
+                log_likelihoods[k, g, now - begin + REACH] = log_likelihood
+            # The piece before goes on.
+            x, P = _predict(x, P, A, k - 1, segments)
+            x, P, _, _, more = _correct(x, P, measurements[now], noises[now], freedom, inverse)
+            before += more
 
 
 @compiled
@@ -253,93 +357,152 @@ def _matrices(rates: FloatArray, tau: float) -> Moments:
     return matrices(rates), (matrices(rates + step) - matrices(rates - step)) / (2.0 * step)
 
 
-def smooth_pieces(
-    measurements: FloatArray,
-    noises: FloatArray,
-    pieces: IntArray,
-    start: Moments,
-    motions: AnyArray,
-    tau: float,
-    process_variance: float,
-    speed: float,
-    drift_variance: float = 0.0,
-    freedom: float = 0.0,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return estimates (T, 4) [x, vx, y, vy], covariances (T, 4, 4) and turns (T, 4), see
-    `turns.Turn`, given all measurements and the modes.
+class PieceSmoother:
+    """Estimates of an object whose modes are known, given all measurements."""
 
-    Args:
-        measurements: (T, 2) positions [m], NaN where there is none.
-        noises: (T, 3) their covariances xx, xy, yy [m^2].
-        pieces: (K, 3) first tick, end, and row of `motions` of the segments.
-        start: estimate (4,) and covariance (4, 4) one tick before the first measurement.
-        motions: (M,) records `MOTION`.
-        tau: length of a tick [s].
-        process_variance: Q [m^2/s^2], of straight motion and turns.
-        speed: usual one of the object [m/s], of turns after a stop or an unknown start.
-        drift_variance: of the drift of the measured positions [m^2], as Q.
-        freedom: of Student's t errors; 0 is normal ones.
-    """
-    ticks = len(measurements)
-    order = [0, 2, 1, 3]
-    of_pieces = motions[pieces[:, 2]]
-    linear = of_pieces["linear"]
-    radii = of_pieces["signed_radius"]
-    curvatures = np.divide(1.0, radii, out=np.zeros(len(radii)), where=radii != 0.0)
-    places = np.repeat(np.arange(len(pieces)), pieces[:, 1] - pieces[:, 0])
-    begins = np.zeros(ticks, bool)
-    begins[pieces[:, 0]] = True
-    own = np.ix_(LINEAR, LINEAR)
-    Q = np.zeros((len(pieces), 6, 6))
-    Q[:, [0, 1], [0, 1]] = drift_variance
-    Q[:, [2, 3], [2, 3]] = process_variance
-    Q[linear] = of_pieces["Q"][linear][:, own[0], own[1]]
-    B = np.where(linear[:, None], of_pieces["B"][:, LINEAR], 0.0)
-    accelerations = np.where(linear, of_pieces["acceleration"], np.nan)
-    memory = Memory(
-        np.zeros((BLOCK + 1, STATES)),
-        np.zeros((BLOCK + 1, STATES, STATES)),
-        np.zeros((BLOCK, STATES, STATES)),
-        np.zeros((BLOCK, STATES, 2)),
-        np.zeros((BLOCK, 2)),
-        np.zeros((BLOCK, 2, 2)),
-    )
-    means, spreads = np.empty((BLOCK, STATES)), np.empty((BLOCK, STATES, STATES))
-    results = np.empty((ticks, 4)), np.empty((ticks, 4, 4)), np.empty((ticks, 4))
-    rates = curvatures * speed
+    def __init__(
+        self,
+        measurements: FloatArray,
+        noises: FloatArray,
+        start: Moments,
+        motions: AnyArray,
+        tau: float,
+        process_variance: float,
+        speed: float,
+        drift_variance: float = 0.0,
+        freedom: float = 0.0,
+    ) -> None:
+        """Take what does not depend on the modes.
 
-    def run_filter(first: int, segments: Segments) -> int:
-        end = min(first + BLOCK, ticks)
-        arguments = measurements[:end], noises, first, segments, speed, freedom, memory
-        prepare(_filter, *arguments)
-        _filter(*arguments)
+        Args:
+            measurements: (T, 2) positions [m], NaN where there is none.
+            noises: (T, 3) their covariances xx, xy, yy [m^2].
+            start: estimate (4,) and covariance (4, 4) one tick before the first measurement.
+            motions: (M,) records `MOTION`.
+            tau: length of a tick [s].
+            process_variance: Q [m^2/s^2], of straight motion and turns.
+            speed: usual one of the object [m/s], of turns after a stop or an unknown start.
+            drift_variance: of the drift of the measured positions [m^2], as Q.
+            freedom: of Student's t errors; 0 is normal ones.
+        """
+        self.measurements = measurements
+        self.noises = noises
+        self.motions = motions
+        self.tau = tau
+        self.process_variance = process_variance
+        self.speed = speed
+        self.drift_variance = drift_variance
+        self.freedom = freedom
+        order = [0, 2, 1, 3]
+        self.start = np.zeros(STATES), np.zeros((STATES, STATES))
+        self.start[0][:4], self.start[1][:4, :4] = start[0][order], start[1][np.ix_(order, order)]
+        self.rates = np.empty(0)
+        self.memory = Memory(
+            np.zeros((BLOCK + 1, STATES)),
+            np.zeros((BLOCK + 1, STATES, STATES)),
+            np.zeros((BLOCK, STATES, STATES)),
+            np.zeros((BLOCK, STATES, 2)),
+            np.zeros((BLOCK, 2)),
+            np.zeros((BLOCK, 2, 2)),
+        )
+
+    def _segments(self, pieces: IntArray, of_pieces: AnyArray, rates: FloatArray) -> Segments:
+        """Return the segments of pieces, (K, 3), with their records `MOTION` and turn rates."""
+        linear = of_pieces["linear"]
+        own = np.ix_(LINEAR, LINEAR)
+        Q = np.zeros((len(of_pieces), 6, 6))
+        Q[:, [0, 1], [0, 1]] = self.drift_variance
+        Q[:, [2, 3], [2, 3]] = self.process_variance
+        Q[linear] = of_pieces["Q"][linear][:, own[0], own[1]]
+        B = np.where(linear[:, None], of_pieces["B"][:, LINEAR], 0.0)
+        F, slopes = _matrices(rates, self.tau)
+        F[linear], slopes[linear] = of_pieces["F"][linear][:, own[0], own[1]], 0.0
+        begins = np.zeros(len(self.measurements), bool)
+        begins[pieces[:, 0]] = True
+        places = np.repeat(np.arange(len(pieces)), pieces[:, 1] - pieces[:, 0])
+        accelerations = np.where(linear, of_pieces["acceleration"], np.nan)
+        curvatures = _curvatures(of_pieces)
+        return Segments(places, begins, curvatures, accelerations, F, slopes, B, Q, rates)
+
+    def _filter(self, first: int, segments: Segments) -> int:
+        """Filter the block that begins at a tick, and return the number of its ticks."""
+        end = min(first + BLOCK, len(self.measurements))
+        arguments = self.measurements[:end], self.noises, first, segments
+        _run(_filter, *arguments, self.speed, self.freedom, self.memory)
         return end - first
 
-    for _ in range(ROUNDS):
-        F, slopes = _matrices(rates, tau)
-        F[linear], slopes[linear] = of_pieces["F"][linear][:, own[0], own[1]], 0.0
-        segments = Segments(places, begins, curvatures, accelerations, F, slopes, B, Q, rates)
-        x, P = np.zeros(STATES), np.zeros((STATES, STATES))
-        x[:4], P[:4, :4] = start[0][order], start[1][np.ix_(order, order)]
-        anchors = []
-        for first in range(0, ticks, BLOCK):
-            anchors.append((x, P))
-            memory.states[0], memory.covariances[0] = x, P
-            count = run_filter(first, segments)
-            x, P = memory.states[count].copy(), memory.covariances[count].copy()
-        adjoint, information = np.zeros(STATES), np.zeros((STATES, STATES))
-        found = np.zeros(ticks)
-        for first, anchor in zip(range(0, ticks, BLOCK)[::-1], anchors[::-1], strict=True):
-            memory.states[0], memory.covariances[0] = anchor
-            count = run_filter(first, segments)
-            part = slice(first, first + count)
-            smoothed = means[:count], spreads[:count], results[2][part]
-            arguments = memory, adjoint, information, *smoothed
-            prepare(_return, *arguments)
-            _return(*arguments)
-            results[0][part] = means[:count, order]
-            results[1][part] = spreads[:count][:, order][:, :, order]
-            found[part] = means[:count, 6]
-        rates = found[pieces[:, 1] - 1]
-    results[2][linear[places], 2:] = np.nan
-    return results
+    def _begin_at(self, state: FloatArray, covariance: FloatArray) -> None:
+        """Let the next block begin with these."""
+        self.memory.states[0], self.memory.covariances[0] = state, covariance
+
+    def smooth(self, pieces: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return estimates (T, 4) [x, vx, y, vy], covariances (T, 4, 4) and turns (T, 4), see
+        `turns.Turn`. pieces: (K, 3) first tick, end, and row of `motions` of the segments.
+        """
+        ticks = len(self.measurements)
+        order = [0, 2, 1, 3]
+        of_pieces = self.motions[pieces[:, 2]]
+        memory = self.memory
+        means, spreads = np.empty((BLOCK, STATES)), np.empty((BLOCK, STATES, STATES))
+        results = np.empty((ticks, 4)), np.empty((ticks, 4, 4)), np.empty((ticks, 4))
+        self.rates = _curvatures(of_pieces) * self.speed
+        for _ in range(ROUNDS):
+            segments = self._segments(pieces, of_pieces, self.rates)
+            self._begin_at(*self.start)
+            anchors = []
+            for first in range(0, ticks, BLOCK):
+                anchors.append((memory.states[0].copy(), memory.covariances[0].copy()))
+                count = self._filter(first, segments)
+                self._begin_at(memory.states[count], memory.covariances[count])
+            adjoint, information = np.zeros(STATES), np.zeros((STATES, STATES))
+            found = np.zeros(ticks)
+            for first, anchor in zip(range(0, ticks, BLOCK)[::-1], anchors[::-1], strict=True):
+                self._begin_at(*anchor)
+                count = self._filter(first, segments)
+                part = slice(first, first + count)
+                smoothed = means[:count], spreads[:count], results[2][part]
+                _run(_return, memory, adjoint, information, *smoothed)
+                results[0][part] = means[:count, order]
+                results[1][part] = spreads[:count][:, order][:, :, order]
+                found[part] = means[:count, 6]
+            self.rates = found[pieces[:, 1] - 1]
+        results[2][of_pieces["linear"][segments.places], 2:] = np.nan
+        return results
+
+    def compare(self, pieces: IntArray) -> FloatArray:
+        """Return log-likelihoods of what is measured around the begins of the pieces that were
+        smoothed last, (K, G, 2 REACH + 1): if the first ticks of a turn, see `GRADUAL`, have half
+        its curvature, and if it begins up to `REACH` ticks before or after; -inf where it cannot.
+        """
+        of_pieces = self.motions[pieces[:, 2]]
+        half = of_pieces.copy()
+        half["signed_radius"] *= 2.0
+        rates = np.concatenate([self.rates, 0.5 * self.rates])
+        segments = self._segments(pieces, np.concatenate([of_pieces, half]), rates)
+        firsts = _first_begins(pieces)
+        states = np.zeros((len(pieces), STATES))
+        covariances = np.zeros((len(pieces), STATES, STATES))
+        memory = self.memory
+        self._begin_at(*self.start)
+        for first in range(0, len(self.measurements), BLOCK):
+            count = self._filter(first, segments)
+            here = np.flatnonzero((firsts >= first) & (firsts < first + count))
+            states[here] = memory.states[firsts[here] - first]
+            covariances[here] = memory.covariances[firsts[here] - first]
+            self._begin_at(memory.states[count], memory.covariances[count])
+        compared = np.full((len(pieces), len(GRADUAL), 2 * REACH + 1), -np.inf)
+        arguments = self.measurements, self.noises, pieces, segments, self.speed, self.freedom
+        _run(_compare, *arguments, states, covariances, GRADUAL, compared)
+        return compared
+
+
+def _run(function: Any, *arguments: Any) -> None:
+    """Call a compiled function."""
+    prepare(function, *arguments)
+    function(*arguments)
+
+
+def _curvatures(of_pieces: AnyArray) -> FloatArray:
+    """Return 1 / radius of records `MOTION`, 0 of straight motion."""
+    radii = of_pieces["signed_radius"]
+    return np.divide(1.0, radii, out=np.zeros(len(radii)), where=radii != 0.0)

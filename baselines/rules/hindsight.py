@@ -6,13 +6,15 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.special import logsumexp, softmax
 
-from baselines.estimation.pieces import smooth_pieces
+from baselines.estimation.pieces import GRADUAL, REACH, PieceSmoother
 from baselines.rules.beam import BeamDecider
 from baselines.rules.beam_filters import BY_LAW
 from baselines.rules.lattice import smooth_lattice, walk_lattice
 from baselines.rules.measurements import run_compiled
 from hybrid_env.checks import (
+    BoolArray,
     FloatArray,
     IntArray,
     Moments,
@@ -35,6 +37,8 @@ CHANGE_COST = 2.0
 STANDS = 0.3
 # Probability outside of the interval of a moment, on each side.
 OUTSIDE = 0.025
+# Prior probability that an object has the whole curvature of a turn at once.
+ABRUPT = 0.9
 
 
 class SmoothedModes(NamedTuple):
@@ -127,7 +131,7 @@ def smooth_modes(
         check_covariance("start", rough[1], definite=False)
         starts = np.array([[*rough[0], *rough[1][TRIANGLE]]])
     lattice = walk_lattice(values, starts, ends, decider.branches, model)
-    probabilities, begins = smooth_lattice(lattice, model)
+    probabilities = smooth_lattice(lattice, model)
     worth = _in_types(probabilities, options)
 
     def decided() -> tuple[IntArray, IntArray]:
@@ -142,10 +146,9 @@ def smooth_modes(
         return modes, np.stack([begins, np.append(begins[1:], len(values)), modes[begins]], axis=1)
 
     modes, pieces = decided()
-    smoothed = smooth_pieces(
+    smoother = PieceSmoother(
         values[:, :2].copy(),
         noises,
-        pieces,
         rough,
         options.motions,
         options.tau,
@@ -154,14 +157,23 @@ def smooth_modes(
         options.drift_variance,
         freedom,
     )
+    smoothed = smoother.smooth(pieces)
     stands = np.array([mode.type == "stop" for mode in options.all_modes])
+    if stands.any():
+        speeds = np.where(stands[modes], 0.0, smoothed[2][:, 0])
+        worth[speeds < STANDS * options.speed] = stands
+        modes, pieces = decided()
+        smoothed = smoother.smooth(pieces)
+    moments = pieces[:, [0, 0]]
+    if switches is None:
+        turns = options.motions["signed_radius"][pieces[:, 2]] != 0.0
+        begins, moments = find_begins(pieces, turns, smoother.compare(pieces))
+        if (begins != pieces[:, 0]).any():
+            pieces = np.stack([begins, np.append(begins[1:], len(values)), pieces[:, 2]], axis=1)
+            modes = np.repeat(pieces[:, 2], pieces[:, 1] - begins)
+            smoothed = smoother.smooth(pieces)
     # An object that stands has no speed, also where its position drifts.
     smoothed[2][stands[modes], :2] = 0.0
-    if stands.any():
-        worth[smoothed[2][:, 0] < STANDS * options.speed] = stands
-        modes, pieces = decided()
-    known = pieces[:, [0, 0]]
-    moments = known if switches is not None else _moments(begins, pieces)
     return SmoothedModes(modes, probabilities, pieces, moments, *smoothed, lattice.evidence)
 
 
@@ -251,21 +263,38 @@ def choose_modes(
     return modes
 
 
-def _moments(begins: FloatArray, pieces: IntArray) -> IntArray:
-    """Return the intervals of the begins of pieces, (K, 2).
+def find_begins(
+    pieces: IntArray, turns: BoolArray, log_likelihoods: FloatArray
+) -> tuple[IntArray, IntArray]:
+    """Return the begins of pieces (K,), and the intervals that hold them with a probability of
+    .95, (K, 2).
+
+    All turns begin abruptly, or all gradually, with half their curvature for some ticks. If the
+    latter is more probable, pieces begin where that is most likely; else their begins remain.
 
     Args:
-        begins: (T, M) probability that a segment of a mode begins at a tick. Of a piece those count
-            that are between the middle of the piece before and its own.
         pieces: (K, 3) as of `SmoothedModes`.
+        turns: (K,) whether a piece is a turn.
+        log_likelihoods: see `PieceSmoother.compare`.
     """
-    middles = (pieces[:, 0] + pieces[:, 1]) // 2
-    moments = pieces[:, [0, 0]].copy()
-    for k in range(1, len(pieces)):
-        first, mode = pieces[k, [0, 2]]
-        low = middles[k - 1] + 1
-        mass = np.cumsum(begins[low : middles[k] + 1, mode])
-        if mass.size and mass[-1] > 0.0:
-            inside = low + np.searchsorted(mass, mass[-1] * np.array([OUTSIDE, 1.0 - OUTSIDE]))
-            moments[k] = min(inside[0], first), max(inside[1], first)
-    return moments
+    known = log_likelihoods[1:]
+    of_ways = logsumexp(known, axis=2)
+    prior = np.full(len(GRADUAL), (1.0 - ABRUPT) / (len(GRADUAL) - 1))
+    prior[0] = ABRUPT
+    ways = softmax(np.log(prior) + of_ways[turns[1:]].sum(0))
+    of_shifts = np.exp(known - of_ways[:, :, None])
+    likeliest = ways.argmax()
+    begins, moments = pieces[:, 0].copy(), pieces[:, [0, 0]]
+    lengths = pieces[:, 1] - pieces[:, 0]
+    # Two short pieces could change places.
+    free = np.minimum(lengths[1:], lengths[:-1]) > 2 * REACH
+    if likeliest > 0:
+        begins[1:] += free * (of_shifts[:, likeliest].argmax(1) - REACH)
+    shares = np.where(turns[1:, None], ways, np.eye(len(GRADUAL))[0])
+    sums = np.cumsum((shares[:, :, None] * of_shifts).sum(1), axis=1)
+    for column, probability in enumerate((OUTSIDE, 1.0 - OUTSIDE)):
+        shift = (sums < probability).sum(1).clip(max=2 * REACH) - REACH
+        moments[1:, column] += shift
+    moments[:, 0] = np.minimum(moments[:, 0], begins)
+    moments[:, 1] = np.maximum(moments[:, 1], begins)
+    return begins, moments

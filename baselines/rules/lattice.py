@@ -123,9 +123,7 @@ def _smooth(
     nodes: AnyArray,
     weights: Float32Array,
     ends: FloatArray,
-    first: int,
     probabilities: FloatArray,
-    begins: FloatArray,
     model: BeamModel,
 ) -> None:
     """Bring the weights of the last tick back to the first one.
@@ -135,14 +133,12 @@ def _smooth(
         nodes: see above.
         weights: see above.
         ends: see above.
-        first: tick at which the way back ends.
-        probabilities: (T - first, M) of the modes given all measurements, written.
-        begins: (T - first, M) that a segment of a mode begins at a tick, likewise.
+        probabilities: (T, M) of the modes given all measurements, written.
         model: of the beam.
     """
     ticks = offsets.size - 1
     modes = model.motions.size
-    # Of each node that is not older than the first tick; all older ones are as those.
+    # Of each node.
     alive = np.zeros(ticks * modes)
     now = np.zeros(modes)
     total = 0.0
@@ -151,10 +147,9 @@ def _smooth(
     for j in range(offsets[ticks - 1], offsets[ticks]):
         alive[nodes[j]] += weights[j] / total
         now[nodes[j] % modes] += weights[j] / total
-    for k in range(ticks - 1, first - 1, -1):
+    for k in range(ticks - 1, -1, -1):
         for mode in range(modes):
-            probabilities[k - first, mode] = now[mode]
-            begins[k - first, mode] = alive[k * modes + mode]
+            probabilities[k, mode] = now[mode]
         if k == 0:
             break
         shares = np.empty(offsets[k] - offsets[k - 1])
@@ -180,15 +175,10 @@ def _smooth(
                 now[node % modes] += begun * shares[j] / total
 
 
-def smooth_lattice(
-    lattice: Lattice, model: BeamModel, first: int = 0
-) -> tuple[FloatArray, FloatArray]:
-    """Return the probabilities of the modes at every tick from `first` on, and that a segment of
-    each mode begins there, (T - first, M), given all measurements.
-    """
-    shape = len(lattice.ends) - first, model.motions.size
-    probabilities, begins = np.zeros(shape), np.zeros(shape)
-    run_compiled(_smooth, *lattice[:4], first, probabilities, begins, model)
+def smooth_lattice(lattice: Lattice, model: BeamModel) -> FloatArray:
+    """Return the probabilities of the modes at every tick, (T, M), given all measurements."""
+    probabilities = np.zeros((len(lattice.ends), model.motions.size))
+    run_compiled(_smooth, *lattice[:4], probabilities, model)
     # Sums of shares have errors of rounding.
     probabilities = probabilities.clip(0.0)
-    return probabilities / probabilities.sum(1, keepdims=True), begins
+    return probabilities / probabilities.sum(1, keepdims=True)

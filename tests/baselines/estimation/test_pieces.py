@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from baselines.estimation.pieces import BLOCK, smooth_pieces
+from baselines.estimation.pieces import BLOCK, PieceSmoother
 from baselines.recordings.track_modes import in_units
 from hybrid_env import simulate
 from hybrid_env.modes import motion_table, parse_modes
@@ -52,7 +52,8 @@ def test_straight_motion_and_a_stop_are_one_linear_regression():
     root = rng.normal(size=(4, 4))
     start = rng.normal(size=4), root @ root.T
     noises = np.tile([0.3, 0.1, 0.2], (25, 1))
-    estimates, covariances, turns = smooth_pieces(z, noises, pieces, start, motions, TAU, Q, 1.0)
+    smoother = PieceSmoother(z, noises, start, motions, TAU, Q, 1.0)
+    estimates, covariances, turns = smoother.smooth(pieces)
 
     straight = np.kron(np.eye(2), [[1.0, TAU], [0.0, 1.0]]), np.diag([0, Q, 0, Q])
     stop = motions[1]["F"][:4, :4], motions[1]["Q"][:4, :4]
@@ -82,8 +83,9 @@ def test_estimates_along_turns_are_calibrated(freedom):
         z = run.measurements[0].copy()
         start = np.array([z[0, 0], 0.0, z[0, 1], 0.0]), np.diag([200.0, 100.0] * 2)
         noises = np.tile([4.0, 0.0, 4.0], (len(z), 1))
-        known = pieces, start, motions, 1.0, 0.01
-        estimates, P, turns = smooth_pieces(z, noises, *known, speed=5.0, freedom=freedom)
+        known = start, motions, 1.0, 0.01
+        smoother = PieceSmoother(z, noises, *known, speed=5.0, freedom=freedom)
+        estimates, P, turns = smoother.smooth(pieces)
         error = estimates - run.truth[0]
         squares.append(np.einsum("ki,kij,kj->k", error, np.linalg.inv(P), error))
         assert np.sqrt((error[:, ::2] ** 2).mean()) < 0.6 * 2.0
@@ -102,6 +104,6 @@ def test_a_turn_after_a_stop_has_its_speed():
     noises = np.tile([4e-4, 0.0, 4e-4], (150, 1))
     pieces = np.array([[0, 50, 2], [50, 150, 1]])
     start = np.zeros(4), np.diag([1e-2, 0.25] * 2)
-    estimates, *_ = smooth_pieces(z, noises, pieces, start, motions, tau, 1e-6, speed)
+    estimates, *_ = PieceSmoother(z, noises, start, motions, tau, 1e-6, speed).smooth(pieces)
     along = np.hypot(*estimates[55:, 1::2].T)
     assert np.abs(along - speed).max() < 0.2 * speed

@@ -47,6 +47,30 @@ def test_pieces_begin_where_the_object_switches():
     assert result.probabilities[:30, 0].min() > 0.7
 
 
+def test_gradual_turns_begin_when_the_curvature_does():
+    # 20 m/s and 2 m: a car, each second.
+    options = QuickestOptions(
+        speed=20.0, radii=(200.0,), tau=1.0, measurement_variance=4.0, durations="geometric 40"
+    )
+    known = {"tau": 1.0, "process_variance": 1e-3, "measurement_variance": 4.0}
+    begins = [40, 80, 120, 160]
+    errors = {False: [], True: []}
+    held = []
+    for gradual, seed in itertools.product(errors, range(5)):
+        first = "4r400 {0}36r200" if gradual else "40r200"
+        scheme = "S40 {L} S40 {R} S40".format(**{k: k + first.format(k) for k in "LR"})
+        z = simulate(scheme, seed=seed, start=(0.0, 20.0, 0.0, 0.0), **known).measurements[0]
+        result = smooth_modes(z, options)
+        assert result.pieces[:, 2].tolist() == [0, 1, 0, 2, 0]
+        errors[gradual] += (result.pieces[1:, 0] - begins).tolist()
+        low, high = result.moments[1:].T
+        held += ((low <= begins) & (begins <= high)).tolist()
+    assert np.abs(errors[False]).max() <= 1
+    assert np.abs(errors[True]).max() <= 2
+    # Forty begins; three standard errors below .95.
+    assert np.mean(held) > 0.84
+
+
 def test_switches_that_are_known_are_the_only_ones():
     z = seen("S30 L40r5 L30r5 R40r5", 5)
     result = smooth_modes(z, OPTIONS, switches=(30, 70, 100))
