@@ -12,10 +12,7 @@ import numpy as np
 from joblib import delayed
 
 from agents import find_decider, track_recording
-from agents.recordings.tracking import TrackedRecording
 from baselines import OnlineTracker, Scores, Statistic, score
-from baselines.scoring.scores import quotient, ratio
-from hybrid_env.checks import FloatArray
 from studies.recordings.objects import TARGETS, SimulatedRecording, Target, record
 from studies.results import in_brackets, in_parallel, markdown_table
 
@@ -41,16 +38,21 @@ NEAR = 25
 """Rows from a true switch to another one that is stated."""
 
 
-def _root(squares: FloatArray, rows: FloatArray) -> FloatArray:
-    return np.sqrt(quotient(squares, rows))
+def _quotient(numbers: Any, counts: Any) -> Any:
+    """Return quotients, NaN where nothing is counted."""
+    return np.divide(numbers, counts, out=np.full_like(numbers, np.nan), where=counts > 0.0)
+
+
+def _root(squares: Any, counts: Any) -> Any:
+    return np.sqrt(_quotient(squares, counts))
 
 
 STATISTICS = {
-    "below_3": ratio("below_3", "rows", 1000.0),
-    "below_5": ratio("below_5", "rows", 1000.0),
-    "within_1": ratio("within_1", "switches"),
-    "within_3": ratio("within_3", "switches"),
-    "inside": ratio("inside", "intervals"),
+    "below_3": Statistic(("below_3", "rows"), lambda short, rows: 1000.0 * short / rows),
+    "below_5": Statistic(("below_5", "rows"), lambda short, rows: 1000.0 * short / rows),
+    "within_1": Statistic(("within_1", "switches"), _quotient),
+    "within_3": Statistic(("within_3", "switches"), _quotient),
+    "inside": Statistic(("inside", "intervals"), _quotient),
     "position": Statistic(("position", "estimates"), _root),
     "velocity": Statistic(("velocity", "estimates"), _root),
 }
@@ -89,9 +91,7 @@ def state(name: str, kind: str, seed: int, ticks: int, deciders: Sequence[str]) 
     return recording, letters, counted
 
 
-def counts(
-    recording: SimulatedRecording, tracked: TrackedRecording, target: Target
-) -> dict[str, float]:
+def counts(recording: SimulatedRecording, tracked: Any, target: Target) -> dict[str, float]:
     """Return numbers of rows, short pieces and true switches of a recording: of those that are
     stated so many rows beside the true one, and of those inside of the interval that is given for
     them; and the sums of squared errors of position and velocity, see `COLUMNS`.
