@@ -124,8 +124,8 @@ class Play(WorldArguments, ErrorArguments, TrustArguments):
     a slider over its ticks, which needs the extra 'html' and no network.
     """
     record: Annotated[Path | None, shown_default("none is written")] = None
-    """A .csv file for the measurements of one episode, columns t,x,y, as `hybridtrack track`
-    reads it; without a window.
+    """A .csv file for the measurements of one episode, columns t [s], x [m] and y [m], for
+    `hybridtrack track`; without a window.
     """
 
     def run(self) -> None:
@@ -258,7 +258,7 @@ def write_recording(path: Path, history: History, tau: float) -> None:
     times = [float(f"{tau * tick:.12g}") for tick in range(1, len(points) + 1)]
     rows = [(t, x, y) for t, (x, y) in zip(times, points.tolist(), strict=True) if x == x]
     with atomic_file(path) as part, part.open("w", encoding="utf-8", newline="") as stream:
-        csv.writer(stream, lineterminator="\n").writerows([("t", "x", "y"), *rows])
+        csv.writer(stream, lineterminator="\n").writerows([("t [s]", "x [m]", "y [m]"), *rows])
 
 
 def write_gif(path: Path, frames: Iterator[NDArray[np.uint8]]) -> None:
