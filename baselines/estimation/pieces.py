@@ -50,7 +50,9 @@ REACH = 10
 
 
 class Segments(NamedTuple):
-    """What the K segments of a track are made of, and further ones that are no part of it."""
+    """What the K segments of a track are made of. Further rows are no part of the track: in
+    `PieceSmoother.compare` the same segments with half the curvature.
+    """
 
     # (T,) number of the segment of each tick.
     places: IntArray
@@ -126,14 +128,6 @@ def _begin(
 
 
 @internal
-def _first_begins(pieces: IntArray) -> IntArray:
-    """Return the first begin of each piece that is compared, (K,)."""
-    firsts = pieces[:, 0] - REACH
-    firsts[1:] = np.maximum(firsts[1:], pieces[:-1, 0] + 1)
-    return firsts
-
-
-@internal
 def _predict(
     x: FloatArray, P: FloatArray, A: FloatArray, place: int, segments: Segments
 ) -> tuple[FloatArray, FloatArray]:
@@ -175,9 +169,10 @@ def _correct(
         return x, P, np.zeros((STATES, 2)), np.zeros(2), 0.0
     error = measurement - x[:2]
     S = np.empty((2, 2))
-    weight, distance, determinant = 1.0, 0.0, 1.0
+    weight = 1.0
+    log_likelihood = 0.0
     # To a robust likelihood the noise of a measurement that is far is larger.
-    for _ in range(2 if freedom > 0.0 else 1):
+    for k in range(2 if freedom > 0.0 else 1):
         xx, xy, yy = noise / weight
         S[0, 0], S[0, 1] = P[1, 1] + yy, -P[0, 1] - xy
         S[1, 0], S[1, 1] = S[0, 1], P[0, 0] + xx
@@ -185,6 +180,12 @@ def _correct(
         inverse[:] = S / determinant
         distance = float(error @ (inverse @ error))
         weight = min((freedom + 2.0) / (freedom + distance), 1.0)
+        if k == 0:
+            log_likelihood = -0.5 * math.log(determinant)
+            if freedom > 0.0:
+                log_likelihood -= 0.5 * (freedom + 2.0) * math.log1p(distance / freedom)
+            else:
+                log_likelihood -= 0.5 * distance
     gain = np.ascontiguousarray(P[:, :2]) @ inverse
     P = P - gain @ P[:2]
     log_likelihood = -0.5 * (distance + math.log(determinant))
@@ -240,6 +241,7 @@ def _compare(
     segments: Segments,
     speed: float,
     freedom: float,
+    firsts: IntArray,
     states: FloatArray,
     covariances: FloatArray,
     gradual: IntArray,
@@ -255,7 +257,8 @@ def _compare(
         segments: of the pieces, and then the same with half the curvature.
         speed: as in `_begin`.
         freedom: as in `_filter`.
-        states: (K, 7) before the first of the begins that are compared, see `_first_begins`.
+        firsts: (K,) first of the begins that are compared.
+        states: (K, 7) before these ticks.
         covariances: (K, 7, 7) of the states.
         gradual: (G,) ticks with half the curvature.
         log_likelihoods: see `PieceSmoother.compare`, written.
@@ -263,12 +266,12 @@ def _compare(
     A = np.eye(STATES)
     inverse = np.empty((2, 2))
     count = len(pieces)
-    firsts = _first_begins(pieces)
     for k in range(1, count):
         begin, end = pieces[k, 0], pieces[k, 1]
         x, P = states[k].copy(), covariances[k].copy()
         before = 0.0
-        for now in range(firsts[k], min(begin + REACH + 1, end - 1)):
+        # The begin itself is always compared.
+        for now in range(firsts[k], max(begin + 1, min(begin + REACH + 1, end - 1))):
             for g in range(len(gradual)):
                 log_likelihood = before
                 y, V = x, P
@@ -396,6 +399,7 @@ class PieceSmoother:
         order = [0, 2, 1, 3]
         self.start = np.zeros(STATES), np.zeros((STATES, STATES))
         self.start[0][:4], self.start[1][:4, :4] = start[0][order], start[1][np.ix_(order, order)]
+        self.pieces = np.empty((0, 3), int)
         self.rates = np.empty(0)
         self.memory = Memory(
             np.zeros((BLOCK + 1, STATES)),
@@ -431,7 +435,7 @@ class PieceSmoother:
         _run(_filter, *arguments, self.speed, self.freedom, self.memory)
         return end - first
 
-    def _begin_at(self, state: FloatArray, covariance: FloatArray) -> None:
+    def _anchor(self, state: FloatArray, covariance: FloatArray) -> None:
         """Let the next block begin with these."""
         self.memory.states[0], self.memory.covariances[0] = state, covariance
 
@@ -445,19 +449,20 @@ class PieceSmoother:
         memory = self.memory
         means, spreads = np.empty((BLOCK, STATES)), np.empty((BLOCK, STATES, STATES))
         results = np.empty((ticks, 4)), np.empty((ticks, 4, 4)), np.empty((ticks, 4))
+        self.pieces = pieces
         self.rates = _curvatures(of_pieces) * self.speed
         for _ in range(ROUNDS):
             segments = self._segments(pieces, of_pieces, self.rates)
-            self._begin_at(*self.start)
+            self._anchor(*self.start)
             anchors = []
             for first in range(0, ticks, BLOCK):
                 anchors.append((memory.states[0].copy(), memory.covariances[0].copy()))
                 count = self._filter(first, segments)
-                self._begin_at(memory.states[count], memory.covariances[count])
+                self._anchor(memory.states[count], memory.covariances[count])
             adjoint, information = np.zeros(STATES), np.zeros((STATES, STATES))
             found = np.zeros(ticks)
             for first, anchor in zip(range(0, ticks, BLOCK)[::-1], anchors[::-1], strict=True):
-                self._begin_at(*anchor)
+                self._anchor(*anchor)
                 count = self._filter(first, segments)
                 part = slice(first, first + count)
                 smoothed = means[:count], spreads[:count], results[2][part]
@@ -469,30 +474,33 @@ class PieceSmoother:
         results[2][of_pieces["linear"][segments.places], 2:] = np.nan
         return results
 
-    def compare(self, pieces: IntArray) -> FloatArray:
+    def compare(self) -> FloatArray:
         """Return log-likelihoods of what is measured around the begins of the pieces that were
         smoothed last, (K, G, 2 REACH + 1): if the first ticks of a turn, see `GRADUAL`, have half
-        its curvature, and if it begins up to `REACH` ticks before or after; -inf where it cannot.
+        its curvature, and if a piece begins up to `REACH` ticks before or after; -inf where it
+        cannot, and for the first piece.
         """
+        pieces = self.pieces
         of_pieces = self.motions[pieces[:, 2]]
         half = of_pieces.copy()
         half["signed_radius"] *= 2.0
         rates = np.concatenate([self.rates, 0.5 * self.rates])
         segments = self._segments(pieces, np.concatenate([of_pieces, half]), rates)
-        firsts = _first_begins(pieces)
+        firsts = pieces[:, 0] - REACH
+        firsts[1:] = np.maximum(firsts[1:], pieces[:-1, 0] + 1)
         states = np.zeros((len(pieces), STATES))
         covariances = np.zeros((len(pieces), STATES, STATES))
         memory = self.memory
-        self._begin_at(*self.start)
+        self._anchor(*self.start)
         for first in range(0, len(self.measurements), BLOCK):
             count = self._filter(first, segments)
             here = np.flatnonzero((firsts >= first) & (firsts < first + count))
             states[here] = memory.states[firsts[here] - first]
             covariances[here] = memory.covariances[firsts[here] - first]
-            self._begin_at(memory.states[count], memory.covariances[count])
+            self._anchor(memory.states[count], memory.covariances[count])
         compared = np.full((len(pieces), len(GRADUAL), 2 * REACH + 1), -np.inf)
         arguments = self.measurements, self.noises, pieces, segments, self.speed, self.freedom
-        _run(_compare, *arguments, states, covariances, GRADUAL, compared)
+        _run(_compare, *arguments, firsts, states, covariances, GRADUAL, compared)
         return compared
 
 

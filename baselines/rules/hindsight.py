@@ -14,7 +14,7 @@ from baselines.rules.beam_filters import BY_LAW
 from baselines.rules.lattice import smooth_lattice, walk_lattice
 from baselines.rules.measurements import run_compiled
 from hybrid_env.checks import (
-    BoolArray,
+    AnyArray,
     FloatArray,
     IntArray,
     Moments,
@@ -37,7 +37,7 @@ CHANGE_COST = 2.0
 STANDS = 0.3
 # Probability outside of the interval of a moment, on each side.
 OUTSIDE = 0.025
-# Prior probability that an object has the whole curvature of a turn at once.
+# Prior probability that the turns of a recording begin with their whole curvature.
 ABRUPT = 0.9
 
 
@@ -47,11 +47,11 @@ class SmoothedModes(NamedTuple):
     Attributes:
         modes: (T,) those with the largest expected number of right rows, less 2 for each change. If
             one of them is a stop, it is also that of rows whose smoothed speed is below .3 of the
-            usual one.
+            usual one. Where turns begin gradually, begins are then moved, see `find_begins`.
         probabilities: (T, M) of the modes.
         pieces: (K, 3) first tick, end and mode of the pieces.
         moments: (K, 2) first and last tick of the interval that holds the begin of a piece with a
-            probability of .95.
+            probability of .95, at most ten ticks from the begin that was decided first.
         estimates: (T, 4) [x, vx, y, vy] along the modes.
         covariances: (T, 4, 4) of the estimates.
         turns: (T, 4) speed and radius with their deviations, see `Turn`.
@@ -159,15 +159,16 @@ def smooth_modes(
     )
     smoothed = smoother.smooth(pieces)
     stands = np.array([mode.type == "stop" for mode in options.all_modes])
-    if stands.any():
+    if stands.any() and switches is None:
         speeds = np.where(stands[modes], 0.0, smoothed[2][:, 0])
         worth[speeds < STANDS * options.speed] = stands
         modes, pieces = decided()
         smoothed = smoother.smooth(pieces)
     moments = pieces[:, [0, 0]]
-    if switches is None:
-        turns = options.motions["signed_radius"][pieces[:, 2]] != 0.0
-        begins, moments = find_begins(pieces, turns, smoother.compare(pieces))
+    if len(pieces) > 1 and switches is None:
+        rows = np.add.reduceat(measured.astype(int), pieces[:, 0])
+        motions = options.motions[pieces[:, 2]]
+        begins, moments = find_begins(pieces, rows, motions, smoother.compare())
         if (begins != pieces[:, 0]).any():
             pieces = np.stack([begins, np.append(begins[1:], len(values)), pieces[:, 2]], axis=1)
             modes = np.repeat(pieces[:, 2], pieces[:, 1] - begins)
@@ -264,45 +265,46 @@ def choose_modes(
 
 
 def find_begins(
-    pieces: IntArray, turns: BoolArray, log_likelihoods: FloatArray
+    pieces: IntArray, rows: IntArray, motions: AnyArray, log_likelihoods: FloatArray
 ) -> tuple[IntArray, IntArray]:
     """Return the begins of pieces (K,), and the intervals that hold them with a probability of
     .95, (K, 2).
 
-    All turns begin abruptly, or all gradually, with half their curvature for some ticks. If the
-    latter is more probable, pieces begin where that is most likely; else their begins remain. So
-    they do where the model describes begins badly: if in a quarter of the pieces the likelihood of
-    an abrupt one has no maximum among those that are compared.
+    All turns begin abruptly, or all gradually, with half their curvature for some ticks. If a
+    gradual way is the most probable one, turns and what follows them begin where that is most
+    likely; else all begins remain. They also remain if for more than a quarter of the pieces the
+    likelihood of an abrupt begin is largest at the edge of what is compared: the model then
+    describes begins badly.
 
     Args:
-        pieces: (K, 3) as of `SmoothedModes`.
-        turns: (K,) whether a piece is a turn.
+        pieces: (K, 3) as of `SmoothedModes`, K > 1.
+        rows: (K,) numbers of their measurements.
+        motions: (K,) records `MOTION` of the pieces.
         log_likelihoods: see `PieceSmoother.compare`.
     """
-    known = log_likelihoods[1:]
-    of_ways = logsumexp(known, axis=2)
-    prior = np.full(len(GRADUAL), (1.0 - ABRUPT) / (len(GRADUAL) - 1))
-    prior[0] = ABRUPT
-    beside = np.pad(known[:, 0], ((0, 0), (1, 1)), constant_values=-np.inf)
-    places = np.arange(len(known)), known[:, 0].argmax(1)
-    inside = np.isfinite(beside[places]) & np.isfinite(beside[places[0], places[1] + 2])
-    if inside.mean() < 0.75:
-        prior = np.eye(len(GRADUAL))[0]
-    with np.errstate(divide="ignore"):
-        ways = softmax(np.log(prior) + of_ways[turns[1:] & inside].sum(0))
-    of_shifts = np.exp(known - of_ways[:, :, None])
-    likeliest = ways.argmax()
+    compared = log_likelihoods[1:]
+    turns = motions["signed_radius"][1:] != 0.0
+    numbers = np.arange(len(compared))
+    of_ways = logsumexp(compared, axis=2)
+    padded = np.pad(compared[:, 0], ((0, 0), (1, 1)), constant_values=-np.inf)
+    peaks = compared[:, 0].argmax(1)
+    inside = np.isfinite(padded[numbers, peaks]) & np.isfinite(padded[numbers, peaks + 2])
+    abrupt = np.eye(len(GRADUAL))[0]
+    ways = abrupt
+    if inside.mean() >= 0.75:
+        prior = np.where(abrupt > 0.0, ABRUPT, (1.0 - ABRUPT) / (len(GRADUAL) - 1))
+        ways = softmax(np.log(prior) + of_ways[turns & inside].sum(0))
+    of_shifts = np.exp(compared - of_ways[:, :, None])
     begins, moments = pieces[:, 0].copy(), pieces[:, [0, 0]]
-    lengths = pieces[:, 1] - pieces[:, 0]
-    # Two short pieces could change places.
-    free = np.minimum(lengths[1:], lengths[:-1]) > 2 * REACH
-    if likeliest > 0:
-        begins[1:] += free * (of_shifts[:, likeliest].argmax(1) - REACH)
-    shares = np.where(turns[1:, None], ways, np.eye(len(GRADUAL))[0])
+    if ways.argmax() > 0:
+        # No piece keeps less than three rows. Stops and other linear modes begin as decided.
+        free = (np.minimum(rows[1:], rows[:-1]) > 2 * REACH + 2) & ~motions["linear"][1:]
+        best = of_shifts[numbers, np.where(turns, ways.argmax(), 0)].argmax(1)
+        begins[1:] += np.where(free, best - REACH, 0)
+    shares = np.where(turns[:, None], ways, abrupt)
     sums = np.cumsum((shares[:, :, None] * of_shifts).sum(1), axis=1)
     for column, probability in enumerate((OUTSIDE, 1.0 - OUTSIDE)):
-        shift = (sums < probability).sum(1).clip(max=2 * REACH) - REACH
-        moments[1:, column] += shift
+        moments[1:, column] += (sums < probability).sum(1) - REACH
     moments[:, 0] = np.minimum(moments[:, 0], begins)
     moments[:, 1] = np.maximum(moments[:, 1], begins)
     return begins, moments

@@ -10,10 +10,10 @@ node i follows its mode, the share is
 
     s_ij = w_j h_j q_ij / sum over all parents l of i of w_l h_l q_il
 
-Backwards, from the weights at
-the last tick, every node hands its probability to its parents at the tick of its begin. That is the
-smoother of a hidden semi-Markov model, Yu 2010, "Hidden semi-Markov models", on nodes that merge as
-in the interacting multiple model smoother, Helmick, Blair & Hoffman 1995.
+Backwards, from the weights at the last tick, every node hands its probability to its parents at the
+tick of its begin. That is the smoother of a hidden semi-Markov model, Yu 2010, "Hidden semi-Markov
+models", on nodes that merge as in the interacting multiple model smoother, Helmick, Blair & Hoffman
+1995.
 """
 
 from typing import NamedTuple
@@ -138,7 +138,7 @@ def _smooth(
     """
     ticks = offsets.size - 1
     modes = model.motions.size
-    # Of each node.
+    # Probability of each node that lives at the present tick.
     alive = np.zeros(ticks * modes)
     now = np.zeros(modes)
     total = 0.0

@@ -114,7 +114,7 @@ def quick_roads() -> list[Road]:
 
 def respond(road: Road, level: str, episodes: int, seed: int) -> list[Row]:
     """Return rows, as in JSON, of the best rule that is told and of the deciders at one level, and
-    of the bound if switches are announced; it is one where the noise is normal.
+    of the bound if switches are announced, which bounds rules only if the noise is normal.
 
     The gap is the reward less that of this rule on the same episodes; None in its own row.
     """

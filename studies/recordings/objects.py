@@ -61,7 +61,7 @@ class SimulatedRecording(NamedTuple):
     positions: NDArray[np.float64]
     # (n,) S, L or R.
     modes: NDArray[np.str_]
-    # (n, 4) [x, vx, y, vy]
+    # (n, 4) true [x, vx, y, vy] in m and m/s.
     states: NDArray[np.float64]
 
 

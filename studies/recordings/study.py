@@ -35,16 +35,17 @@ rows; RMSE are in units of sqrt(R), and of sqrt(R) over a tick.
 HINDSIGHT = "hindsight"
 """In place of a decider: rows are decided from all rows."""
 NEAR = 25
-"""Rows from a true switch to another one that is stated."""
+"""A true switch without a statement of its mode within so many rows has no interval."""
 
 
-def _quotient(numbers: Any, counts: Any) -> Any:
-    """Return quotients, NaN where nothing is counted."""
-    return np.divide(numbers, counts, out=np.full_like(numbers, np.nan), where=counts > 0.0)
+def _quotient(numbers: Any, of: Any) -> Any:
+    """Return quotients, NaN where the divisor is 0."""
+    return np.divide(numbers, of, out=np.full_like(numbers, np.nan), where=of > 0.0)
 
 
-def _root(squares: Any, counts: Any) -> Any:
-    return np.sqrt(_quotient(squares, counts))
+def _root(squares: Any, of: Any) -> Any:
+    """Return roots of quotients, likewise."""
+    return np.sqrt(_quotient(squares, of))
 
 
 STATISTICS = {
@@ -92,23 +93,24 @@ def state(name: str, kind: str, seed: int, ticks: int, deciders: Sequence[str]) 
 
 
 def counts(recording: SimulatedRecording, tracked: Any, target: Target) -> dict[str, float]:
-    """Return numbers of rows, short pieces and true switches of a recording: of those that are
-    stated so many rows beside the true one, and of those inside of the interval that is given for
-    them; and the sums of squared errors of position and velocity, see `COLUMNS`.
+    """Return how many rows, short pieces and true switches a recording has; how many switches are
+    stated within one and three rows of the true one, and of those within `NEAR` rows how many lie
+    in the interval that is given; and the sums of squared errors, see `COLUMNS`.
     """
     stated = tracked.of_modes(tracked.modes)[0]
     begins = np.flatnonzero(np.diff(tracked.modes, prepend=-2))
     lengths = np.diff(begins)
     switches = np.flatnonzero(recording.modes[1:] != recording.modes[:-1]) + 1
-    intervals = dict(zip(tracked.pieces[:, 0].tolist(), tracked.moments, strict=True))
-    live = np.isnan(tracked.moments).all()
+    intervals = {}
+    if not tracked.live:
+        intervals = dict(zip(tracked.pieces[:, 0].tolist(), tracked.moments, strict=True))
     beside = []
     inside = []
     for row in switches:
         same = begins[stated[begins] == recording.modes[row]]
-        nearest = min(same.tolist(), key=lambda begin: abs(begin - row), default=-NEAR)
+        nearest = same[np.abs(same - row).argmin()] if same.size else np.inf
         beside.append(abs(nearest - row))
-        if beside[-1] < NEAR and nearest in intervals and not live:
+        if beside[-1] < NEAR and nearest in intervals:
             low, high = intervals[nearest]
             inside.append(low <= recording.times[row] <= high)
     errors = (tracked.estimates - recording.states) / target.deviation
