@@ -49,6 +49,7 @@ def test_only_the_first_process_compiles_and_says_where_the_code_is_kept(tmp_pat
 
 
 def test_other_sources_and_checked_indices_have_other_folders(tmp_path, run, monkeypatch):
+    monkeypatch.setattr(numba.config, "BOUNDSCHECK", 0)
     run()
     monkeypatch.setattr(numba.config, "BOUNDSCHECK", 1)
     with pytest.raises(IndexError):
