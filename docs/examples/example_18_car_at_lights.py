@@ -63,7 +63,7 @@ import numpy as np
 from agents.figures.tracks import UNDECIDED, draw_timelines
 from hybrid_env.rendering.evidence import mode_colour
 
-env = gym.make("hybrid_env:HybridTrack-v0", **drive)
+env = gym.make("hybrid_env:HybridTrack-v0", decide_every=1, **drive)
 options = env.unwrapped.options
 _, info = env.reset(seed=0)
 terminated, history = False, []

@@ -70,6 +70,7 @@ import matplotlib.pyplot as plt
 from agents.figures.tracks import UNDECIDED, draw_timelines
 from hybrid_env.rendering.evidence import mode_colour
 
+env = gym.make("hybrid_env:HybridTrack-v0", decide_every=1, **system)
 _, info = env.reset(seed=0)
 terminated, history = False, []
 while not terminated:
