@@ -26,6 +26,7 @@ that memory does not grow with all that it remembers.
 """
 
 import math
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -360,45 +361,34 @@ def _matrices(rates: FloatArray, tau: float) -> Moments:
     return matrices(rates), (matrices(rates + step) - matrices(rates - step)) / (2.0 * step)
 
 
+@dataclass(eq=False)
 class PieceSmoother:
-    """Estimates of an object whose modes are known, given all measurements."""
+    """Estimates of an object whose modes are known, given all measurements.
 
-    def __init__(
-        self,
-        measurements: FloatArray,
-        noises: FloatArray,
-        start: Moments,
-        motions: AnyArray,
-        tau: float,
-        process_variance: float,
-        speed: float,
-        drift_variance: float = 0.0,
-        freedom: float = 0.0,
-    ) -> None:
-        """Take what does not depend on the modes.
+    Attributes:
+        measurements: (T, 2) positions [m], NaN where there is none.
+        noises: (T, 3) their covariances xx, xy, yy [m^2].
+        start: estimate (4,) and covariance (4, 4) one tick before the first measurement.
+        motions: (M,) records `MOTION`.
+        tau: length of a tick [s].
+        process_variance: Q [m^2/s^2], of straight motion and turns.
+        speed: usual one of the object [m/s], of turns after a stop or an unknown start.
+        drift_variance: of the drift of the measured positions [m^2], as Q.
+        freedom: of Student's t errors; 0 is normal ones.
+    """
 
-        Args:
-            measurements: (T, 2) positions [m], NaN where there is none.
-            noises: (T, 3) their covariances xx, xy, yy [m^2].
-            start: estimate (4,) and covariance (4, 4) one tick before the first measurement.
-            motions: (M,) records `MOTION`.
-            tau: length of a tick [s].
-            process_variance: Q [m^2/s^2], of straight motion and turns.
-            speed: usual one of the object [m/s], of turns after a stop or an unknown start.
-            drift_variance: of the drift of the measured positions [m^2], as Q.
-            freedom: of Student's t errors; 0 is normal ones.
-        """
-        self.measurements = measurements
-        self.noises = noises
-        self.motions = motions
-        self.tau = tau
-        self.process_variance = process_variance
-        self.speed = speed
-        self.drift_variance = drift_variance
-        self.freedom = freedom
-        order = [0, 2, 1, 3]
-        self.start = np.zeros(STATES), np.zeros((STATES, STATES))
-        self.start[0][:4], self.start[1][:4, :4] = start[0][order], start[1][np.ix_(order, order)]
+    measurements: FloatArray
+    noises: FloatArray
+    start: Moments
+    motions: AnyArray
+    tau: float
+    process_variance: float
+    speed: float
+    drift_variance: float = 0.0
+    freedom: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Allocate the memory of a block."""
         self.pieces = np.empty((0, 3), int)
         self.rates = np.empty(0)
         self.memory = Memory(
@@ -435,6 +425,13 @@ class PieceSmoother:
         _run(_filter, *arguments, self.speed, self.freedom, self.memory)
         return end - first
 
+    def _begin(self) -> None:
+        """Let the first block begin with the start."""
+        order = [0, 2, 1, 3]
+        x, P = np.zeros(STATES), np.zeros((STATES, STATES))
+        x[:4], P[:4, :4] = self.start[0][order], self.start[1][np.ix_(order, order)]
+        self._anchor(x, P)
+
     def _anchor(self, state: FloatArray, covariance: FloatArray) -> None:
         """Let the next block begin with these."""
         self.memory.states[0], self.memory.covariances[0] = state, covariance
@@ -453,7 +450,7 @@ class PieceSmoother:
         self.rates = _curvatures(of_pieces) * self.speed
         for _ in range(ROUNDS):
             segments = self._segments(pieces, of_pieces, self.rates)
-            self._anchor(*self.start)
+            self._begin()
             anchors = []
             for first in range(0, ticks, BLOCK):
                 anchors.append((memory.states[0].copy(), memory.covariances[0].copy()))
@@ -491,7 +488,7 @@ class PieceSmoother:
         states = np.zeros((len(pieces), STATES))
         covariances = np.zeros((len(pieces), STATES, STATES))
         memory = self.memory
-        self._anchor(*self.start)
+        self._begin()
         for first in range(0, len(self.measurements), BLOCK):
             count = self._filter(first, segments)
             here = np.flatnonzero((firsts >= first) & (firsts < first + count))
