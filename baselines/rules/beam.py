@@ -29,7 +29,7 @@ from hybrid_env.limits import MAX_LENGTH
 from hybrid_env.quickest_options import QuickestOptions
 
 # Nodes and weights that are not kept.
-NOTHING = np.zeros((0, 0, 0), np.int32), np.zeros((0, 0, 0), np.float32)
+NOTHING = *2 * (np.zeros((0, 0, 0), np.int32),), np.zeros((0, 0, 0), np.float32)
 
 
 class BeamState(NamedTuple):
@@ -135,6 +135,7 @@ class BeamDecider(MeasurementDecider):
             filter_model(options),
             sensors_of(options),
             joined,
+            0,
         )
 
     def begin(self, tracks: int) -> BeamState:

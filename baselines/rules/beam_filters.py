@@ -8,8 +8,9 @@ weighted by the likelihood of the measurement, and the most probable ones are ke
 
 The continuations that switch at one tick to one mode have nearly the same estimate. They are merged
 into one branch, whose filter starts from the mean and the covariance of their mixture: a branch is
-a pair of mode and age. A branch may also carry what its history says about the law of the durations
-and of the next mode; see `beam_habits`.
+a pair of mode and age. In short recordings only those merge that agree in the segments before. A
+branch may also carry what its history says about the law of the durations and of the next mode; see
+`beam_habits`.
 """
 
 import math
@@ -47,9 +48,13 @@ from hybrid_env.compiled import (
 FIRST, LATER = 0, 1
 # In place of the probability that every segment ends after a tick, where the law says it.
 BY_LAW = -1.0
+# Segments of a history that may be told apart from those of another one when both end.
+DEPTH = 3
 # Of a branch: its present mode, ticks of the present segment so far, 1 at its first measurement,
-# `FIRST` or `LATER`, the index of its habits in `habits`, and the probability that its segment
-# would end at its last tick, 0 of a new one.
+# `FIRST` or `LATER`, the index of its habits in `habits`, the probability that its segment would
+# end at its last tick, 0 of a new one, its group, see `_group`, that of its parents at its begin,
+# and its last segments, the present one first: tick of the begin times M, plus the mode; -1 of one
+# in which its parents differ.
 HISTORY = np.dtype(
     [
         ("mode", np.int64),
@@ -57,6 +62,9 @@ HISTORY = np.dtype(
         ("row", np.int64),
         ("slot", np.int64),
         ("hazard", np.float64),
+        ("group", np.int64),
+        ("parents", np.int64),
+        ("segments", np.int64, (DEPTH,)),
     ]
 )
 
@@ -109,6 +117,8 @@ class BeamModel(NamedTuple):
     # Whether branches of a full beam become one, see `beam_joining`, or the least probable are
     # omitted.
     joined: bool
+    # Largest number of last segments in which branches must agree to be merged, see `_group`.
+    depth: int
 
 
 def branch_arrays(tracks: int, branches: int, modes: int = 0, laws: int = 0) -> Branches:
@@ -157,6 +167,10 @@ def begin_branch(
     history.row = row
     history.slot = slot
     history.hazard = 0.0
+    history.group = 0
+    history.parents = 0
+    history.segments[:] = -1
+    history.segments[0] = mode
 
 
 @compiled
@@ -214,6 +228,51 @@ def _mixture_of(
 
 
 @internal
+def _agreement(one: IntArray, other: IntArray) -> int:
+    """Return how many first numbers of two arrays are the same."""
+    k = 0
+    while k < one.size and one[k] == other[k]:
+        k += 1
+    return k
+
+
+@internal
+def groups_of(capacity: int, model: BeamModel) -> int:
+    """Return the largest number of groups among `capacity` branches, see `_group`."""
+    return max(1, capacity // model.motions.size) if model.depth > 0 else 1
+
+
+@internal
+def _group(branches: Branches, track: int, model: BeamModel) -> None:
+    """Write the group of every branch of a track: segments begin from the mixture of a group.
+
+    The branches of a group agree in their last segments, in as many of `model.depth` as leave room
+    for all segments that begin.
+    """
+    histories = branches.histories[track]
+    count = branches.counts[track]
+    firsts = np.empty(groups_of(histories.size, model), np.int64)
+    for depth in range(model.depth, -1, -1):
+        groups = 0
+        for b in range(count):
+            group = 0
+            segments = histories[b].segments
+            while (
+                group < groups and _agreement(segments, histories[firsts[group]].segments) < depth
+            ):
+                group += 1
+            if group == firsts.size:
+                groups += 1
+                break
+            if group == groups:
+                firsts[group] = b
+                groups += 1
+            histories[b].group = group
+        if groups <= firsts.size:
+            break
+
+
+@internal
 def _switch(
     branches: Branches,
     track: int,
@@ -222,39 +281,59 @@ def _switch(
     count: int,
     free: IntArray,
     all_shares: FloatArray,
+    tick: int,
     model: BeamModel,
 ) -> int:
-    """Write one child for every mode, after `count` others: the mixture of parents in other
-    modes. Return their number.
+    """Write one child for every mode and group of parents, after `count` others: the mixture of
+    parents in other modes. Return their number.
 
     weights: (branches,) probability of a branch and its end; free: (M,) slots for the habits of the
     children; all_shares: (M, branches) is written: probabilities of each child and its parent.
     """
     learns = model.prior.size > 0
-    for mode in range(model.motions.size):
-        shares = all_shares[mode]
+    modes = model.motions.size
+    histories = branches.histories[track]
+    shares = np.zeros(weights.size)
+    for mode in range(modes):
+        groups = 0
         for b in range(weights.size):
-            history = branches.histories[track, b]
+            history = histories[b]
+            groups = max(groups, history.group + 1)
             if weights[b] == 0.0:
                 continue
             probability = model.order[history.mode, mode]
             if learns:
                 probability = branches.habits.following[track, history.slot, mode]
-            shares[b] = weights[b] * probability
-        largest = shares.max()
-        if largest == 0.0:
-            continue
-        total = 0.0
-        for b in range(weights.size):
-            # Less probable parents are left out of the mixture.
-            if shares[b] <= 1e-9 * largest:
-                shares[b] = 0.0
-            total += shares[b]
-        anchor, covariance = _mixture_of(branches, track, shares, total)
-        slot = free[mode] if learns else 0
-        weight = math.log(total)
-        begin_branch(children, 0, count, mode, LATER, slot, anchor, covariance, weight, model)
-        count += 1
+            all_shares[mode, b] = weights[b] * probability
+        for group in range(groups):
+            largest = 0.0
+            for b in range(weights.size):
+                shares[b] = all_shares[mode, b] if histories[b].group == group else 0.0
+                largest = max(largest, shares[b])
+            if largest == 0.0:
+                continue
+            total = 0.0
+            parent = -1
+            agreed = DEPTH
+            for b in range(weights.size):
+                # Less probable parents are left out of the mixture.
+                if shares[b] <= 1e-9 * largest:
+                    shares[b] = 0.0
+                    continue
+                total += shares[b]
+                parent = b if parent < 0 else parent
+                same = _agreement(histories[b].segments, histories[parent].segments)
+                agreed = min(agreed, same)
+            anchor, covariance = _mixture_of(branches, track, shares, total)
+            slot = free[mode] if learns else 0
+            weight = math.log(total)
+            begin_branch(children, 0, count, mode, LATER, slot, anchor, covariance, weight, model)
+            history = children.histories[0, count]
+            history.parents = group
+            history.segments[0] = tick * modes + mode
+            for k in range(min(agreed, DEPTH - 1)):
+                history.segments[1 + k] = histories[parent].segments[k]
+            count += 1
     return count
 
 
@@ -269,10 +348,10 @@ def hazard_at(row: int, mode: int, age: int, ends: float, model: BeamModel) -> f
 
 @internal
 def _extend(
-    branches: Branches, track: int, children: Branches, ends: float, model: BeamModel
+    branches: Branches, track: int, children: Branches, ends: float, tick: int, model: BeamModel
 ) -> tuple[int, FloatArray]:
     """Write the continuations of all branches of a track to `children`, (1, ...), oldest first
-    if theirs are. ends: probability that a segment ends now, or `BY_LAW`.
+    if theirs are. ends: probability that a segment ends before the tick, or `BY_LAW`.
 
     Return their number, and the probabilities of each child that begins and its parent, (M,
     branches).
@@ -302,13 +381,14 @@ def _extend(
     free = np.empty(0, np.int64)
     if learns:
         free = free_slots(branches.histories[track, : switches.size], branches.habits)
-    return _switch(branches, track, switches, children, count, free, shares, model), shares
+    count = _switch(branches, track, switches, children, count, free, shares, tick, model)
+    return count, shares
 
 
 class Walk(NamedTuple):
     """Ticks over which the branches of N tracks go, and what is kept of them.
 
-    Of a beam that keeps nothing, `nodes` and `weights` have no element.
+    Of a beam that keeps nothing, `nodes`, `groups` and `weights` have no element.
     """
 
     # (T, N, 2) or (T, N, 9), see `sensing.write_measured`
@@ -317,8 +397,11 @@ class Walk(NamedTuple):
     ends: FloatArray
     # Number of the first of the ticks.
     first: int
-    # (T, N, B) tick of the begin of each branch times M, plus its mode.
+    # (T, N, B) last segment of each branch, see `HISTORY`, times `groups_of`, plus the group of its
+    # parents.
     nodes: AnyArray
+    # (T, N, B) groups of the branches.
+    groups: AnyArray
     # (T, N, B) probabilities of the branches; 0 of none.
     weights: Float32Array
 
@@ -336,7 +419,7 @@ def walk_branches(
     """Advance the branches of all tracks tick by tick, and write the log probabilities of the modes
     at the last one, (N, M).
 
-    `children`, (1, ...), with room for M more branches, and `innovations` and `measured`,
+    `children`, (1, ...), with room for M and B more branches, and `innovations` and `measured`,
     (1,), are memory.
     """
     capacity = branches.histories.shape[1]
@@ -347,7 +430,8 @@ def walk_branches(
         tick = each // walk.measurements.shape[1]
         for lane in range(LANES):
             write_measured(measured[0], lane, walk.measurements[tick, track])
-        count, shares = _extend(branches, track, children, walk.ends[tick], model)
+        number = walk.first + tick
+        count, shares = _extend(branches, track, children, walk.ends[tick], number, model)
         weights = np.empty(count)
         for group in range((count + LANES - 1) // LANES):
             kalman = children.filters[0, group]
@@ -401,9 +485,12 @@ def walk_branches(
         branches.evidence[track] -= shift
         for mode in range(log_probability.shape[1]):
             log_probability[track, mode] = math.log(max(log_probability[track, mode], 1e-300))
+        if model.depth > 0:
+            _group(branches, track, model)
         for b in range(kept if walk.nodes.size > 0 else 0):
             history = branches.histories[track, b]
-            begin = walk.first + tick + 1 - history.age
-            walk.nodes[tick, track, b] = begin * model.motions.size + history.mode
+            node = history.segments[0] * groups_of(capacity, model) + history.parents
+            walk.nodes[tick, track, b] = node
+            walk.groups[tick, track, b] = history.group
             log_weight = branches.filters[track, b // LANES].log_likelihood[b % LANES]
             walk.weights[tick, track, b] = math.exp(log_weight)

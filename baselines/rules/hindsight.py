@@ -10,7 +10,7 @@ from scipy.special import logsumexp, softmax
 
 from baselines.estimation.pieces import GRADUAL, REACH, PieceSmoother
 from baselines.rules.beam import BeamDecider
-from baselines.rules.beam_filters import BY_LAW
+from baselines.rules.beam_filters import BY_LAW, DEPTH
 from baselines.rules.lattice import smooth_lattice, walk_lattice
 from baselines.rules.measurements import run_compiled
 from hybrid_env.checks import (
@@ -28,6 +28,10 @@ from hybrid_env.live import TRIANGLE
 from hybrid_env.noises import StudentNoise
 from hybrid_env.quickest_options import QuickestOptions
 
+# Segments that are followed over all ticks of a recording whose histories are told apart by more
+# than the present segment, and at most at a tick.
+NODES = 60_000
+LARGEST = 4_096
 # Headings of an object whose start is not known.
 HEADINGS = 8
 # Rows that a change of the mode costs. A piece between two of one mode is worth it if it makes more
@@ -88,7 +92,7 @@ def smooth_modes(
         switches: ticks at which the mode may change, to any mode with the same probability; None
             if they are not known.
         branches: largest number of segments that are followed at a tick; None is that of
-            `BeamDecider`.
+            `BeamDecider`, in short recordings up to 4,096.
         process_share: share of the process noise by which modes are decided. Below 1 if it also
             covers motion that no mode has, such as brakes, and so hides where a turn begins.
 
@@ -130,7 +134,12 @@ def smooth_modes(
         rough = check_array("start", start[0], (4,)), check_array("start", start[1], (4, 4))
         check_covariance("start", rough[1], definite=False)
         starts = np.array([[*rough[0], *rough[1][TRIANGLE]]])
-    lattice = walk_lattice(values, starts, ends, decider.branches, model)
+    most = decider.branches
+    if branches is None:
+        most = max(most, min(LARGEST, NODES // len(values)))
+    if most * len(values) <= NODES:
+        model = model._replace(depth=DEPTH)
+    lattice = walk_lattice(values, starts, ends, most, model)
     probabilities = smooth_lattice(lattice, model)
     worth = _in_types(probabilities, options)
 

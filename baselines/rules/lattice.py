@@ -1,12 +1,12 @@
 """The lattice of the beam: who began when, from whom; compiled code.
 
-A node is a segment that may be: a mode, and the tick at which it begins. The beam of `beam_filters`
-walks over the nodes that are probable, and what is kept of each tick are their weights. A node
-begins from the mixture of its parents, the nodes that may have ended before it, and the share of a
-parent in this mixture is its probability given that the node began: later measurements say nothing
-more about it, because the filter of the node begins at the mixture. With the weight w of parent j
-at tick k - 1, the probability h that its segment ends then, and the probability q that the mode of
-node i follows its mode, the share is
+A node is a segment that may be: a mode, the tick at which it begins, and the group of its parents.
+The beam of `beam_filters` walks over the nodes that are probable, and what is kept of each tick are
+their weights. A node begins from the mixture of its parents, the nodes of a group that may have
+ended before it, and the share of a parent in this mixture is its probability given that the node
+began: later measurements say nothing more about it, because the filter of the node begins at the
+mixture. With the weight w of parent j at tick k - 1, the probability h that its segment ends then,
+and the probability q that the mode of node i follows its mode, the share is
 
     s_ij = w_j h_j q_ij / sum over all parents l of i of w_l h_l q_il
 
@@ -28,6 +28,7 @@ from baselines.rules.beam_filters import (
     Walk,
     begin_branch,
     branch_arrays,
+    groups_of,
     hazard_at,
     walk_branches,
 )
@@ -44,18 +45,22 @@ BLOCK = 4096
 class Lattice(NamedTuple):
     """The nodes that are probable at T ticks, from the measurements up to each.
 
-    A node is the tick of its begin times M, plus its mode. Those of tick k are at `offsets[k]` up
-    to `offsets[k + 1]`.
+    Those of tick k are at `offsets[k]` up to `offsets[k + 1]`; the numbers of nodes are those of
+    `beam_filters.Walk`.
     """
 
     # (T + 1,)
     offsets: IntArray
     # (n,)
     nodes: AnyArray
+    # (n,) to which they belong when the next nodes begin.
+    groups: AnyArray
     # (n,) probabilities.
     weights: Float32Array
     # (T,) probability that a segment ends before a tick, or `BY_LAW`.
     ends: FloatArray
+    # Largest number of groups.
+    most: int
     # Log-likelihood of the measurements.
     evidence: float
 
@@ -93,26 +98,28 @@ def walk_lattice(
     modes = model.motions.size
     walked = branch_arrays(1, max(branches, modes * len(starts)))
     capacity = walked.histories.shape[1]
-    children = branch_arrays(1, modes + capacity)
+    children = branch_arrays(1, modes + (2 if model.depth else 1) * capacity)
     memory = aligned_zeros((1,), INNOVATION), aligned_zeros((1,), MEASURED)
     log_probability = np.zeros((1, modes))
     run_compiled(_begin, walked, starts, model)
-    counts, kept_nodes, kept_weights = [np.zeros(1, int)], [], []
+    counts, kept = [np.zeros(1, int)], []
     for first in range(0, len(measurements), BLOCK):
         part = measurements[first : first + BLOCK]
         shape = len(part), 1, capacity
-        nodes, weights = np.zeros(shape, np.int32), np.zeros(shape, np.float32)
-        walk = Walk(part[:, None], ends[first : first + BLOCK], first, nodes, weights)
+        arrays = [np.zeros(shape, kind) for kind in (np.int32, np.uint16, np.float32)]
+        walk = Walk(part[:, None], ends[first : first + BLOCK], first, *arrays)
         run_compiled(walk_branches, walked, children, *memory, walk, log_probability, model)
-        kept = weights > SMALLEST
-        counts.append(kept.sum((1, 2)))
-        kept_nodes.append(nodes[kept])
-        kept_weights.append(weights[kept])
+        probable = walk.weights > SMALLEST
+        counts.append(probable.sum((1, 2)))
+        kept.append([values[probable] for values in arrays])
+    nodes, groups, weights = (np.concatenate(values) for values in zip(*kept, strict=True))
     return Lattice(
         np.cumsum(np.concatenate(counts)),
-        np.concatenate(kept_nodes),
-        np.concatenate(kept_weights),
+        nodes,
+        groups,
+        weights,
         ends,
+        groups_of(capacity, model),
         float(walked.evidence[0]),
     )
 
@@ -121,47 +128,55 @@ def walk_lattice(
 def _smooth(
     offsets: IntArray,
     nodes: AnyArray,
+    groups: AnyArray,
     weights: Float32Array,
     ends: FloatArray,
+    most: int,
     probabilities: FloatArray,
     model: BeamModel,
 ) -> None:
     """Bring the weights of the last tick back to the first one.
 
     Args:
-        offsets: as `nodes`, `weights` and `ends` those of a `Lattice`.
+        offsets: as `nodes`, `groups`, `weights`, `ends` and `most` those of a `Lattice`.
         nodes: see above.
+        groups: see above.
         weights: see above.
         ends: see above.
+        most: see above.
         probabilities: (T, M) of the modes given all measurements, written.
         model: of the beam.
     """
     ticks = offsets.size - 1
     modes = model.motions.size
     # Probability of each node that lives at the present tick.
-    alive = np.zeros(ticks * modes)
+    alive = np.zeros(ticks * modes * most)
     now = np.zeros(modes)
     total = 0.0
     for j in range(offsets[ticks - 1], offsets[ticks]):
         total += weights[j]
     for j in range(offsets[ticks - 1], offsets[ticks]):
         alive[nodes[j]] += weights[j] / total
-        now[nodes[j] % modes] += weights[j] / total
+        now[nodes[j] // most % modes] += weights[j] / total
     for k in range(ticks - 1, -1, -1):
         for mode in range(modes):
             probabilities[k, mode] = now[mode]
         if k == 0:
             break
         shares = np.empty(offsets[k] - offsets[k - 1])
-        for mode in range(modes):
-            begun = alive[k * modes + mode]
+        for kind in range(modes * most):
+            begun = alive[k * modes * most + kind]
             if begun == 0.0:
                 continue
+            mode = kind // most
             total = 0.0
             for j in range(shares.size):
-                node = nodes[offsets[k - 1] + j]
-                parent = node % modes
-                begin = node // modes
+                shares[j] = 0.0
+                if groups[offsets[k - 1] + j] != kind % most:
+                    continue
+                segment = nodes[offsets[k - 1] + j] // most
+                parent = segment % modes
+                begin = segment // modes
                 row = FIRST if begin == 0 else LATER
                 hazard = hazard_at(row, parent, k - begin, ends[k], model)
                 shares[j] = weights[offsets[k - 1] + j] * hazard * model.order[parent, mode]
@@ -170,15 +185,16 @@ def _smooth(
                 continue
             now[mode] -= begun
             for j in range(shares.size):
-                node = nodes[offsets[k - 1] + j]
-                alive[node] += begun * shares[j] / total
-                now[node % modes] += begun * shares[j] / total
+                if shares[j] > 0.0:
+                    node = nodes[offsets[k - 1] + j]
+                    alive[node] += begun * shares[j] / total
+                    now[node // most % modes] += begun * shares[j] / total
 
 
 def smooth_lattice(lattice: Lattice, model: BeamModel) -> FloatArray:
     """Return the probabilities of the modes at every tick, (T, M), given all measurements."""
     probabilities = np.zeros((len(lattice.ends), model.motions.size))
-    run_compiled(_smooth, *lattice[:4], probabilities, model)
+    run_compiled(_smooth, *lattice[:-1], probabilities, model)
     # Sums of shares have errors of rounding.
     probabilities = probabilities.clip(0.0)
     return probabilities / probabilities.sum(1, keepdims=True)

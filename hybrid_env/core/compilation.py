@@ -3,9 +3,10 @@
 With NumPy's error model a division has no branch that raises, so that loops over lanes compile to
 SIMD code. Without the GIL threads step different tracks in parallel. With NUMBA_BOUNDSCHECK=1 every
 index is checked. numba compares a cached function with the file that defines it, but not with those
-of its callees: the name of the folder is a hash of all sources.
+of its callees: the name of the folder is a hash of the sources that a function may call.
 """
 
+import ast
 import functools
 import gc
 import hashlib
@@ -69,7 +70,7 @@ def compiled(function: Callable[..., Any]) -> Any:
     if config.DISABLE_JIT:
         return function
     given = config.CACHE_DIR
-    folder = cache_folder(function.__module__.partition(".")[0])
+    folder = cache_folder(function.__code__.co_filename, function.__module__)
     try:
         config.CACHE_DIR = folder
         return njit(**OPTIONS, cache=bool(folder))(function)
@@ -78,19 +79,46 @@ def compiled(function: Callable[..., Any]) -> Any:
 
 
 @functools.cache
-def cache_folder(package: str) -> str:
-    """Return the folder for the machine code of a package, "" where none can be written: in
+def _imports(path: Path, root: Path, package: str) -> list[Path]:
+    """Return the files of a package, whose folder is in `root`, that one of its files imports."""
+    found: list[Path] = []
+    for node in ast.walk(ast.parse(path.read_bytes())):
+        if not isinstance(node, ast.ImportFrom):
+            continue
+        module = node.module or ""
+        if node.level or module.startswith(f"{package}."):
+            base = path.parents[node.level - 1] if node.level else root
+            names = module, *(f"{module}.{alias.name}" for alias in node.names)
+            found += (base / f"{name.strip('.').replace('.', '/')}.py" for name in names)
+    return [other for other in found if other.is_file()]
+
+
+@functools.cache
+def cache_folder(file: str, module: str) -> str:
+    """Return the folder for the machine code of a module, "" where none can be written: in
     NUMBA_CACHE_DIR or else in the user's cache folder, or in the temporary folder. Its name is a
-    hash of the sources of the core, and of the package if it is another one, of numba's version and
-    of what is checked. Nobody but the user may write to it, because machine code is loaded from it,
-    and the present folder does not name it: numba's own setting may come from a file there.
+    hash of the sources of the core, of the module and of what it imports from its package, of
+    numba's version and of what is checked. Nobody but the user may write to it, because machine
+    code is loaded from it, and the present folder does not name it: numba's own setting may come
+    from a file there.
+
+    Args:
+        file: with the source of the module.
+        module: its full name.
     """
     code = hashlib.sha256(f"{numba.__version__} {config.BOUNDSCHECK}".encode())
-    folders = [Path(__file__).parent]
+    sources = set(Path(__file__).parent.rglob("*.py"))
     # The other files of this package call the core only; numba compares them itself.
+    package = module.partition(".")[0]
     if package != __name__.partition(".")[0]:
-        folders += map(Path, getattr(sys.modules.get(package), "__path__", []))
-    for path in sorted(path for folder in folders for path in folder.rglob("*.py")):
+        root = Path(file).parents[module.count(".")]
+        new = [Path(file)]
+        while new:
+            path = new.pop()
+            if path not in sources:
+                sources.add(path)
+                new += _imports(path, root, package)
+    for path in sorted(sources):
         code.update(path.read_bytes())
     name = f"hybridtrack-{code.hexdigest()[:16]}"
     # Without users there are no modes.

@@ -133,15 +133,18 @@ def five_modes(options, points, smoothed=False):
 
 
 @pytest.mark.parametrize(
-    ("changed", "exact", "deviation", "error"),
+    ("changed", "exact", "deviation"),
     [
-        ({"ticks": 12, "durations": "geometric 50"}, path_posteriors, 0.1, 0.03),
-        ({"ticks": 13, "durations": "uniform 4-7", "radii": (2.0, 5.0)}, five_modes, 0.3, 0.05),
-        ({"ticks": 13, "durations": "uniform 4-7", "radii": (2.0, 5.0)}, five_modes, 0.1, 0.001),
+        ({"ticks": 12, "durations": "geometric 50"}, path_posteriors, 0.1),
+        ({"ticks": 12, "durations": "geometric 6"}, path_posteriors, 0.3),
+        ({"ticks": 13, "durations": "uniform 4-7", "radii": (2.0, 5.0)}, five_modes, 0.3),
+        ({"ticks": 13, "durations": "uniform 4-7", "radii": (2.0, 5.0)}, five_modes, 0.1),
     ],
 )
-def test_hindsight_is_nearly_the_posterior_over_all_histories(changed, exact, deviation, error):
-    """Histories that merge are exact only where the measurements tell them apart."""
+def test_hindsight_is_within_a_hundredth_of_the_posterior_over_all_histories(
+    changed, exact, deviation
+):
+    """In short recordings histories merge only if their last four segments are the same."""
     known = {"tau": 0.5, "process_variance": 0.0, "measurement_variance": deviation**2}
     options = QuickestOptions(**PATHS | known | changed)
     modes = [0] * 4 + [1] * 5 + [0] * (options.ticks - 9)
@@ -155,6 +158,6 @@ def test_hindsight_is_nearly_the_posterior_over_all_histories(changed, exact, de
             for smoothed in (False, True)
         )
         result = smooth_modes(points, options, start)
-        differences.append(np.abs(result.probabilities - expected).max(1))
+        differences.append(np.abs(result.probabilities - expected).max())
         assert np.abs(causal - expected).max() > 0.2
-    assert np.mean(differences) < error
+    assert max(differences) < 0.01
