@@ -28,8 +28,8 @@ from hybrid_env.durations import Durations, GeometricDurations
 from hybrid_env.limits import MAX_LENGTH
 from hybrid_env.quickest_options import QuickestOptions
 
-# Nodes and weights that are not kept.
-NOTHING = *2 * (np.zeros((0, 0, 0), np.int32),), np.zeros((0, 0, 0), np.float32)
+# Nodes, groups and weights that are not kept.
+NOTHING = tuple(np.zeros((0, 0, 0), kind) for kind in (np.int32, np.uint16, np.float32))
 
 
 class BeamState(NamedTuple):

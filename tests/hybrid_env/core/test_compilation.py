@@ -60,6 +60,32 @@ def test_other_sources_and_checked_indices_have_other_folders(tmp_path, run, mon
     assert len(list((tmp_path / "cache").iterdir())) == 3
 
 
+def test_the_folder_depends_on_what_a_module_imports_from_its_package(tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+    sources = {
+        "first": "from package.second import f",
+        "second": "from . import third",
+        "third": "",
+        "other": "",
+    }
+    (tmp_path / "package").mkdir()
+    files = {name: tmp_path / "package" / f"{name}.py" for name in sources}
+    for name, source in sources.items():
+        files[name].write_text(source)
+    folders = {}
+    for changed in ("other", "third", "second"):
+        with files[changed].open("a") as file:
+            file.write("\n")
+        compilation._imports.cache_clear()
+        compilation.cache_folder.cache_clear()
+        folders[changed] = compilation.cache_folder(str(files["first"]), "package.first")
+        files["other"].write_text("changed")
+        compilation.cache_folder.cache_clear()
+        same = compilation.cache_folder(str(files["first"]), "package.first")
+        assert same == folders[changed]
+    assert len(set(folders.values())) == 3
+
+
 def test_without_a_writable_cache_the_temporary_folder_keeps_the_code(tmp_path, run, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", "/dev/null/cache")
 
