@@ -2,6 +2,8 @@
 their formulas. The only way to the compiled core from outside `hybrid_env`.
 """
 
+from typing import Any
+
 from hybrid_env.core.banks import operations as operations
 from hybrid_env.core.banks.anchor_aware import begin_hypothesis as begin_hypothesis
 from hybrid_env.core.banks.anchor_aware import sense_hypothesis as sense_hypothesis
@@ -36,3 +38,15 @@ from hybrid_env.core.memory import aligned_zeros as aligned_zeros
 from hybrid_env.core.memory import lanes_of as lanes_of
 from hybrid_env.core.memory import triangle_of as triangle_of
 from hybrid_env.core.observation_row import LOG_FLOOR as LOG_FLOOR
+
+_prepared: set[Any] = set()
+
+
+def run_compiled(function: Any, *arguments: Any) -> Any:
+    """Call a `compiled` function whose arguments always have the same types, prepared at its
+    first call.
+    """
+    if function not in _prepared:
+        prepare(function, *arguments)
+        _prepared.add(function)
+    return function(*arguments)

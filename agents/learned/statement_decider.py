@@ -22,10 +22,9 @@ from baselines.rules.beam import BeamDecider, BeamState
 from baselines.rules.beam_filters import Branches
 from baselines.rules.beam_prior import mixed_prior
 from baselines.rules.decider import UNKNOWN, Actions, Observations
-from baselines.rules.measurements import run_compiled
 from baselines.rules.threshold import read_statement
 from hybrid_env.checks import AnyArray, BoolArray, Float32Array, FloatArray, IntArray, reject
-from hybrid_env.compiled import LANES, compiled
+from hybrid_env.compiled import LANES, compiled, run_compiled
 from hybrid_env.durations import GeometricDurations, UniformDurations
 from hybrid_env.observation import QuickestLayout
 from hybrid_env.quickest_options import QuickestOptions

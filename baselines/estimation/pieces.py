@@ -27,15 +27,19 @@ that memory does not grow with all that it remembers.
 
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from baselines.estimation.turns import turn_of
 from hybrid_env.checks import AnyArray, BoolArray, FloatArray, IntArray, Moments
-from hybrid_env.compiled import compiled, internal, prepare
+from hybrid_env.compiled import compiled, internal, run_compiled
 
 STATES = 7
+# Places of x, vx, y, vy in the state, and of their covariance.
+ORDER = [0, 2, 1, 3]
+ORDER_OF_BOTH = np.ix_(ORDER, ORDER)
 # Places of the own states in [x, vx, y, vy, ax, ay] of a linear mode.
 LINEAR = [0, 2, 1, 3, 4, 5]
 # Ticks of a block.
@@ -217,15 +221,15 @@ def _filter(
     """
     x = memory.states[0].copy()
     P = memory.covariances[0].copy()
-    A = np.eye(STATES)
+    A = J = np.eye(STATES)
     for k in range(len(measurements) - first):
         place = segments.places[first + k]
-        J = np.eye(STATES)
-        if segments.begins[first + k]:
+        begins = segments.begins[first + k]
+        if begins:
             curvature, acceleration = segments.curvatures[place], segments.accelerations[place]
             x, P, J = _begin(x, P, curvature, acceleration, speed)
         x, P = _predict(x, P, A, place, segments)
-        memory.steps[k] = A @ J
+        memory.steps[k] = A @ J if begins else A
         seen, noise = measurements[first + k], noises[first + k]
         x, P, gain, error, _ = _correct(x, P, seen, noise, freedom, memory.inverses[k])
         memory.gains[k] = gain
@@ -422,15 +426,14 @@ class PieceSmoother:
         """Filter the block that begins at a tick, and return the number of its ticks."""
         end = min(first + BLOCK, len(self.measurements))
         arguments = self.measurements[:end], self.noises, first, segments
-        _run(_filter, *arguments, self.speed, self.freedom, self.memory)
+        run_compiled(_filter, *arguments, self.speed, self.freedom, self.memory)
         return end - first
 
-    def _begin(self) -> None:
-        """Let the first block begin with the start."""
-        order = [0, 2, 1, 3]
+    def begin(self) -> Moments:
+        """Return state (7,) and covariance (7, 7) before the first segment, of the start."""
         x, P = np.zeros(STATES), np.zeros((STATES, STATES))
-        x[:4], P[:4, :4] = self.start[0][order], self.start[1][np.ix_(order, order)]
-        self._anchor(x, P)
+        x[:4], P[:4, :4] = self.start[0][ORDER], self.start[1][ORDER_OF_BOTH]
+        return x, P
 
     def _anchor(self, state: FloatArray, covariance: FloatArray) -> None:
         """Let the next block begin with these."""
@@ -441,7 +444,6 @@ class PieceSmoother:
         `turns.Turn`. pieces: (K, 3) first tick, end, and row of `motions` of the segments.
         """
         ticks = len(self.measurements)
-        order = [0, 2, 1, 3]
         of_pieces = self.motions[pieces[:, 2]]
         memory = self.memory
         means, spreads = np.empty((BLOCK, STATES)), np.empty((BLOCK, STATES, STATES))
@@ -450,7 +452,7 @@ class PieceSmoother:
         self.rates = _curvatures(of_pieces) * self.speed
         for _ in range(ROUNDS):
             segments = self._segments(pieces, of_pieces, self.rates)
-            self._begin()
+            self._anchor(*self.begin())
             anchors = []
             for first in range(0, ticks, BLOCK):
                 anchors.append((memory.states[0].copy(), memory.covariances[0].copy()))
@@ -463,13 +465,40 @@ class PieceSmoother:
                 count = self._filter(first, segments)
                 part = slice(first, first + count)
                 smoothed = means[:count], spreads[:count], results[2][part]
-                _run(_return, memory, adjoint, information, *smoothed)
-                results[0][part] = means[:count, order]
-                results[1][part] = spreads[:count][:, order][:, :, order]
+                run_compiled(_return, memory, adjoint, information, *smoothed)
+                results[0][part] = means[:count, ORDER]
+                results[1][part] = spreads[:count][:, ORDER_OF_BOTH[0], ORDER_OF_BOTH[1]]
                 found[part] = means[:count, 6]
             self.rates = found[pieces[:, 1] - 1]
         results[2][of_pieces["linear"][segments.places], 2:] = np.nan
         return results
+
+    @cached_property
+    def _modes(self) -> Segments:
+        """Segments of all modes, of which the track has none yet."""
+        rates = _curvatures(self.motions) * self.speed
+        return self._segments(np.empty((0, 3), int), self.motions, rates)
+
+    def smooth_first(
+        self, modes: IntArray, begins: BoolArray, before: Moments
+    ) -> tuple[FloatArray, FloatArray, Moments]:
+        """Return estimate (4,) and covariance (4, 4) of the first tick given the measurements of
+        all, at most `BLOCK`, and its state (7,) and covariance (7, 7) given its own.
+
+        Args:
+            modes: (T,) of the ticks.
+            begins: (T,) True where a segment begins.
+            before: state and covariance one tick before.
+        """
+        self._anchor(*before)
+        count = self._filter(0, self._modes._replace(places=modes, begins=begins))
+        means, spreads = np.empty((count, STATES)), np.empty((count, STATES, STATES))
+        adjoint, information = np.zeros(STATES), np.zeros((STATES, STATES))
+        run_compiled(
+            _return, self.memory, adjoint, information, means, spreads, np.empty((count, 4))
+        )
+        after = self.memory.states[1].copy(), self.memory.covariances[1].copy()
+        return means[0, ORDER], spreads[0][ORDER_OF_BOTH], after
 
     def compare(self) -> FloatArray:
         """Return log-likelihoods of what is measured around the begins of the pieces that were
@@ -488,7 +517,7 @@ class PieceSmoother:
         states = np.zeros((len(pieces), STATES))
         covariances = np.zeros((len(pieces), STATES, STATES))
         memory = self.memory
-        self._begin()
+        self._anchor(*self.begin())
         for first in range(0, len(self.measurements), BLOCK):
             count = self._filter(first, segments)
             here = np.flatnonzero((firsts >= first) & (firsts < first + count))
@@ -497,14 +526,8 @@ class PieceSmoother:
             self._anchor(memory.states[count], memory.covariances[count])
         compared = np.full((len(pieces), len(GRADUAL), 2 * REACH + 1), -np.inf)
         arguments = self.measurements, self.noises, pieces, segments, self.speed, self.freedom
-        _run(_compare, *arguments, firsts, states, covariances, GRADUAL, compared)
+        run_compiled(_compare, *arguments, firsts, states, covariances, GRADUAL, compared)
         return compared
-
-
-def _run(function: Any, *arguments: Any) -> None:
-    """Call a compiled function."""
-    prepare(function, *arguments)
-    function(*arguments)
 
 
 def _curvatures(of_pieces: AnyArray) -> FloatArray:

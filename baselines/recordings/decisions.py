@@ -10,14 +10,10 @@ import numpy as np
 from baselines.recordings.recording import Recording
 from baselines.recordings.ticks import Piece
 from baselines.recordings.tracker import OnlineTracker
-from baselines.rules.hindsight import smooth_modes
+from baselines.rules.hindsight import PROCESS_SHARE, smooth_modes
 from hybrid_env.checks import BoolArray, FloatArray, IntArray
 from hybrid_env.compiled import MOST_RATES
 from hybrid_env.sensors import Fused
-
-# Of the process noise, by which modes are decided: a noise that was found also covers brakes, and
-# turns that begin gradually. Chosen for simulated objects with both; a given noise has it too.
-PROCESS_SHARE = 0.3
 
 
 class RowDecisions(NamedTuple):

@@ -4,6 +4,7 @@ import math
 from typing import Literal, NamedTuple, TypeAlias
 
 from baselines.estimation.turns import Turn
+from baselines.rules.fixed_lag import Settled
 from hybrid_env.checks import FloatArray, Moments
 
 Status: TypeAlias = Literal["used", "missing", "far", "repeated", "late", "dropped"]
@@ -35,6 +36,8 @@ class OnlineEstimate(NamedTuple):
         recalculated: with the option `recalculation`, at a declaration: estimates (k, 4) and
             covariances (k, 4, 4) of the k ticks since the switch by the filter of the declared
             mode; otherwise None.
+        settled: with a `lag` of the tracker, what is now known of the tick so many ticks ago, in
+            the units of the estimate; None before there is one.
     """
 
     mode: int
@@ -46,3 +49,4 @@ class OnlineEstimate(NamedTuple):
     position: tuple[float, float] = (math.nan, math.nan)
     turn: Turn = Turn(math.nan, math.nan, math.nan, math.nan)
     recalculated: Moments | None = None
+    settled: Settled | None = None

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 from baselines.recordings.clock import TickClock
 from baselines.recordings.start import FirstMeasurements
+from baselines.rules.fixed_lag import FixedLagSmoother, Settled
 from hybrid_env.checks import AnyArray
 from hybrid_env.sensors import Fused
 
@@ -35,6 +36,9 @@ class TrackState:
     repeats: int = 0
     far: int = 0
     agreed: int = 0
+    # With a lag of the tracker, from the first measurement on, and what it said last.
+    smoother: FixedLagSmoother | None = None
+    settled: Settled | None = None
     decider_state: Any = None
     episode_start: bool = True
 

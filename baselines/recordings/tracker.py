@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from baselines.estimation.forecast import check_times
+from baselines.estimation.pieces import BLOCK
 from baselines.estimation.turn_tracks import TurnTracks
 from baselines.estimation.turns import Turn, speed_of
 from baselines.recordings.clock import TickClock, number_of
@@ -22,7 +23,8 @@ from baselines.recordings.track_modes import in_units, names_of_modes
 from baselines.recordings.track_state import Snapshot, TrackState
 from baselines.rules.decider import Decider
 from baselines.rules.external import CheckedDecider, as_decider, name_of
-from baselines.rules.measurements import run_compiled
+from baselines.rules.fixed_lag import FixedLagSmoother
+from baselines.rules.hindsight import PROCESS_SHARE
 from hybrid_env.checks import (
     FloatArray,
     Moments,
@@ -34,6 +36,7 @@ from hybrid_env.checks import (
     checked,
     reject,
 )
+from hybrid_env.compiled import run_compiled
 from hybrid_env.limits import Ticks
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
@@ -86,6 +89,8 @@ class OnlineTracker(OwnState):
         scales: (4,) of [x, vx, y, vy] from the units of the measurements to those of the options;
             None if they are the same.
         origin: (4,) [x, vx, y, vy] of the measurements where the options have 0.
+        lag: number of ticks after which a tick is decided again, from the measurements since; see
+            `OnlineEstimate.settled`. None does not; only with unknown switches.
 
     >>> from baselines import ThresholdDecider
     >>> tracker = OnlineTracker(QuickestOptions(measurement_variance=0.01), ThresholdDecider(0.6))
@@ -113,9 +118,13 @@ class OnlineTracker(OwnState):
         projection: "Projection | None" = None,
         scales: ArrayLike | None = None,
         origin: ArrayLike = (0.0, 0.0, 0.0, 0.0),
+        lag: int | None = None,
     ):
         self.track = TurnTracks(options)
         self.options = options
+        self.lag = None if lag is None else check_integer("lag", lag, 1, BLOCK - 1)
+        if lag is not None and self.track.announced:
+            raise reject("lag", lag, "None with announced switches")
         self.decider = as_decider(decider)
         self.gate = checked("gate", gate, Positive | None)
         self.units = SensorUnits(
@@ -137,7 +146,11 @@ class OnlineTracker(OwnState):
 
     @classmethod
     def from_recording(
-        cls, recording: Any, decider: Decider | None = None, gate: float | None = 10.0
+        cls,
+        recording: Any,
+        decider: Decider | None = None,
+        gate: float | None = 10.0,
+        lag: int | None = None,
     ) -> Self:
         """Return a tracker with all that was found on a recording with unknown switches: tick,
         noise, radii, durations, units and projection.
@@ -148,6 +161,7 @@ class OnlineTracker(OwnState):
             decider: for rows of the options, see `TrackModel.unknown_switches`; None is the rule of
                 the recording.
             gate: as of the class.
+            lag: likewise.
         """
         from baselines.recordings.settings import read_settings
 
@@ -160,6 +174,7 @@ class OnlineTracker(OwnState):
             settings.projection,
             settings.model.scales,
             settings.origin,
+            lag,
         )
 
     def begin(
@@ -406,8 +421,29 @@ class OnlineTracker(OwnState):
         # A single one may agree only because its prediction is so uncertain.
         state.far *= state.agreed < 2
         self.track.measure(point.position, point)
+        self._settle(point)
         self._decide(self.track.counts)
         return "used"
+
+    def _settle(self, point: Fused | None) -> None:
+        """Decide the tick `lag` ticks ago again, after a tick with or without a measurement."""
+        state = self.state
+        if self.lag is None or (state.smoother is None and point is None):
+            return
+        row = np.full(9 if self.options.sensors else 2, np.nan)
+        if point is not None:
+            row[:2] = point.position
+            noise = self._noise if point.covariance is None else np.array(point.covariance)
+            row[2:5] = (noise / self._noise[0])[: len(row) - 2]
+            row[5 : 5 + len(point.rates)] = point.rates
+        if state.smoother is None:
+            share = PROCESS_SHARE
+            state.smoother = FixedLagSmoother(self.track.options, self.lag, row, share)
+        settled = state.smoother.step(row)
+        if settled is not None:
+            moments = self.units.moments(settled.estimate, settled.covariance)
+            settled = settled._replace(estimate=moments[0], covariance=moments[1])
+        state.settled = settled
 
     def _decide(self, may_ask: bool) -> None:
         """Ask the decider, if it may be asked or is at every tick, and apply what counts."""
@@ -450,6 +486,7 @@ class OnlineTracker(OwnState):
     def _skip(self) -> None:
         """Advance by one tick without a measurement."""
         self.track.measure((np.nan, np.nan))
+        self._settle(None)
         self._decide(False)
 
     def _agrees(self, point: Fused, estimate: FloatArray, covariance: FloatArray) -> bool:
@@ -478,6 +515,7 @@ class OnlineTracker(OwnState):
         state = self.state
         for _ in range(missing):
             collected.skip()
+            self._settle(None)
         if point is None:
             return False
         if collected.complete:
@@ -485,6 +523,7 @@ class OnlineTracker(OwnState):
             state.collected = None
             return True
         collected.add(*point.position, point.covariance, self._late)
+        self._settle(point)
         state.measured = True
         state.position = point.position
         if state.announced_ticks is not None:
@@ -547,6 +586,7 @@ class OnlineTracker(OwnState):
             units.place(estimate),
             turn if units.same else units.turn(turn),
             recalculated,
+            state.settled,
         )
 
     def _try_decider(self) -> None:

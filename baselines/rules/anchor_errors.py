@@ -8,7 +8,6 @@ import numpy as np
 from baselines.estimation.mixture import mixture
 from baselines.rules.component_filters import Anchors, ComponentFilters, speeds, stated_anchors
 from baselines.rules.decider import Observations
-from baselines.rules.measurements import run_compiled
 from baselines.rules.propagation import Memory, propagate
 from hybrid_env.checks import AnyArray, BoolArray, FloatArray, IntArray, OwnState
 from hybrid_env.compiled import (
@@ -18,6 +17,7 @@ from hybrid_env.compiled import (
     MEASURED,
     FilterModel,
     aligned_zeros,
+    run_compiled,
 )
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions

@@ -20,16 +20,16 @@ from baselines.rules.beam_filters import (
 )
 from baselines.rules.beam_prior import Prior, hazard_tables, hazards, mixed_prior
 from baselines.rules.decider import Actions, Variants
-from baselines.rules.measurements import MeasurementDecider, filter_model, run_compiled, sensors_of
+from baselines.rules.measurements import MeasurementDecider, filter_model, sensors_of
 from baselines.rules.threshold import reachable_probabilities, state_modes
 from hybrid_env.checks import BoolArray, FloatArray, check_integer
-from hybrid_env.compiled import INNOVATION, MEASURED, aligned_zeros
+from hybrid_env.compiled import INNOVATION, MEASURED, aligned_zeros, run_compiled
 from hybrid_env.durations import Durations, GeometricDurations
 from hybrid_env.limits import MAX_LENGTH
 from hybrid_env.quickest_options import QuickestOptions
 
 # Nodes, groups and weights that are not kept.
-NOTHING = tuple(np.zeros((0, 0, 0), kind) for kind in (np.int32, np.uint16, np.float32))
+NOTHING = tuple(np.zeros((0, 0, 0), kind) for kind in (np.int64, np.uint16, np.float32))
 
 
 class BeamState(NamedTuple):

@@ -19,7 +19,6 @@ from baselines.rules.measurements import (
     in_heading_frame,
     in_rows,
     in_world,
-    run_compiled,
     sensors_of,
 )
 from hybrid_env.checks import AnyArray, BoolArray, FloatArray, OwnState
@@ -35,6 +34,7 @@ from hybrid_env.compiled import (
     begin_hypothesis,
     compiled,
     internal,
+    run_compiled,
     sense_hypothesis,
     signed_radius,
     write_measured,

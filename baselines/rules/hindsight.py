@@ -10,9 +10,8 @@ from scipy.special import logsumexp, softmax
 
 from baselines.estimation.pieces import GRADUAL, REACH, PieceSmoother
 from baselines.rules.beam import BeamDecider
-from baselines.rules.beam_filters import BY_LAW, DEPTH
+from baselines.rules.beam_filters import BY_LAW, DEPTH, BeamModel
 from baselines.rules.lattice import smooth_lattice, walk_lattice
-from baselines.rules.measurements import run_compiled
 from hybrid_env.checks import (
     AnyArray,
     FloatArray,
@@ -23,7 +22,7 @@ from hybrid_env.checks import (
     check_integer,
     reject,
 )
-from hybrid_env.compiled import compiled
+from hybrid_env.compiled import compiled, run_compiled
 from hybrid_env.live import TRIANGLE
 from hybrid_env.noises import StudentNoise
 from hybrid_env.quickest_options import QuickestOptions
@@ -43,6 +42,10 @@ STANDS = 0.3
 OUTSIDE = 0.025
 # Prior probability that the turns of a recording begin with their whole curvature.
 ABRUPT = 0.9
+# Of the process noise of a recording, by which modes are decided: a noise that was found also
+# covers brakes, and turns that begin gradually. Chosen for simulated objects with both; a given
+# noise has it too.
+PROCESS_SHARE = 0.3
 
 
 class SmoothedModes(NamedTuple):
@@ -92,7 +95,8 @@ def smooth_modes(
         switches: ticks at which the mode may change, to any mode with the same probability; None
             if they are not known.
         branches: largest number of segments that are followed at a tick; None is that of
-            `BeamDecider`, in short recordings up to 4,096.
+            `BeamDecider`, in short recordings up to 4,096, whose histories are then told apart by
+            four segments.
         process_share: share of the process noise by which modes are decided. Below 1 if it also
             covers motion that no mode has, such as brakes, and so hides where a turn begins.
 
@@ -112,13 +116,7 @@ def smooth_modes(
     noises = np.tile([R[0], 0.0, R[-1]], (len(values), 1))
     if columns == 9:
         noises[measured] = R[0] * values[measured, 2:5]
-    freedom = 0.0
-    if isinstance(options.likelihood, StudentNoise):
-        freedom = float(options.likelihood.freedom)
-    process_variance = process_share * options.process_variance
-    decider = BeamDecider(replace(options, process_variance=process_variance), branches=branches)
-    model = decider.model
-    model = model._replace(filters=model.filters._replace(freedom=freedom))
+    most, model = beam_of(options, branches, process_share)
     ends = np.full(len(values), BY_LAW)
     if switches is not None:
         ticks = [check_integer("switches", k, 0, len(values) - 1) for k in switches]
@@ -129,19 +127,17 @@ def smooth_modes(
     # The first segment begins with the first measurement.
     ends[0] = 0.0
     if start is None:
-        starts, rough = _unknown_starts(values[0, :2], noises[0], options)
+        starts, rough = unknown_starts(values[0, :2], noises[0], options)
     else:
         rough = check_array("start", start[0], (4,)), check_array("start", start[1], (4, 4))
         check_covariance("start", rough[1], definite=False)
         starts = np.array([[*rough[0], *rough[1][TRIANGLE]]])
-    most = decider.branches
-    if branches is None:
+    if branches is None and most * len(values) <= NODES:
         most = max(most, min(LARGEST, NODES // len(values)))
-    if most * len(values) <= NODES:
         model = model._replace(depth=DEPTH)
     lattice = walk_lattice(values, starts, ends, most, model)
     probabilities = smooth_lattice(lattice, model)
-    worth = _in_types(probabilities, options)
+    worth = probabilities @ worth_of(options.motions)
 
     def decided() -> tuple[IntArray, IntArray]:
         """Return modes (T,) and pieces (K, 3)."""
@@ -155,17 +151,7 @@ def smooth_modes(
         return modes, np.stack([begins, np.append(begins[1:], len(values)), modes[begins]], axis=1)
 
     modes, pieces = decided()
-    smoother = PieceSmoother(
-        values[:, :2].copy(),
-        noises,
-        rough,
-        options.motions,
-        options.tau,
-        options.process_variance,
-        options.speed,
-        options.drift_variance,
-        freedom,
-    )
+    smoother = smoother_of(options, values[:, :2].copy(), noises, rough)
     smoothed = smoother.smooth(pieces)
     stands = np.array([mode.type == "stop" for mode in options.all_modes])
     if stands.any() and switches is None:
@@ -187,7 +173,42 @@ def smooth_modes(
     return SmoothedModes(modes, probabilities, pieces, moments, *smoothed, lattice.evidence)
 
 
-def _unknown_starts(
+def beam_of(
+    options: QuickestOptions, branches: int | None, process_share: float
+) -> tuple[int, BeamModel]:
+    """Return the largest number of segments and the model of the beam; the arguments are those of
+    `smooth_modes`.
+    """
+    process_variance = process_share * options.process_variance
+    decider = BeamDecider(replace(options, process_variance=process_variance), branches=branches)
+    filters = decider.model.filters._replace(freedom=_freedom(options))
+    return decider.branches, decider.model._replace(filters=filters)
+
+
+def _freedom(options: QuickestOptions) -> float:
+    """Return the degrees of freedom of Student's t errors; 0 is normal ones."""
+    likelihood = options.likelihood
+    return float(likelihood.freedom) if isinstance(likelihood, StudentNoise) else 0.0
+
+
+def smoother_of(
+    options: QuickestOptions, positions: FloatArray, noises: FloatArray, start: Moments
+) -> PieceSmoother:
+    """Return the smoother for an environment; the arguments are those of `PieceSmoother`."""
+    return PieceSmoother(
+        positions,
+        noises,
+        start,
+        options.motions,
+        options.tau,
+        options.process_variance,
+        options.speed,
+        options.drift_variance,
+        _freedom(options),
+    )
+
+
+def unknown_starts(
     position: FloatArray, noise: FloatArray, options: QuickestOptions
 ) -> tuple[FloatArray, Moments]:
     """Return where an object may have been one tick before its first measurement.
@@ -216,26 +237,30 @@ def _unknown_starts(
     return np.array(starts), (np.array([x, 0.0, y, 0.0]), P)
 
 
-def _in_types(probabilities: FloatArray, options: QuickestOptions) -> FloatArray:
-    """Return what a row of each mode is worth, (T, M).
+def worth_of(motions: AnyArray) -> FloatArray:
+    """Return what a row of a mode (column) is worth if another one (row) is true, (M, M).
 
     A turn of another radius to the same side is four fifths right, so that the radius of a turn
     does not change with the noise.
 
     Args:
-        probabilities: (T, M) of the modes.
-        options: with the modes.
+        motions: (M,) records `MOTION` of the modes.
     """
-    motions = options.motions
     own = np.where(
         motions["linear"], 2 + np.arange(len(motions)), np.sign(motions["signed_radius"])
     )
-    return 0.8 * probabilities @ np.equal.outer(own, own) + 0.2 * probabilities
+    worth: FloatArray = 0.8 * np.equal.outer(own, own) + 0.2 * np.eye(len(own))
+    return worth
 
 
 @compiled
 def _choose(
-    probabilities: FloatArray, weights: FloatArray, cost: float, before: IntArray, modes: IntArray
+    probabilities: FloatArray,
+    weights: FloatArray,
+    cost: float,
+    total: FloatArray,
+    before: IntArray,
+    modes: IntArray,
 ) -> None:
     """Write the sequence of modes whose value is the largest, by dynamic programming.
 
@@ -243,10 +268,10 @@ def _choose(
         probabilities: (T, M) what each mode is worth at a tick.
         weights: (T,) by which these are multiplied.
         cost: of a change.
+        total: (M,) value of each mode before the first tick; that at the last one is written.
         before: (T, M) memory: mode at the tick before, of the best sequence with a mode at a tick.
         modes: (T,) of the sequence, written.
     """
-    total = np.zeros(probabilities.shape[1])
     for k in range(len(modes)):
         best = total.argmax()
         changed = total[best] - cost
@@ -261,15 +286,28 @@ def _choose(
 
 
 def choose_modes(
-    probabilities: FloatArray, weights: FloatArray, cost: float = CHANGE_COST
+    probabilities: FloatArray,
+    weights: FloatArray,
+    cost: float = CHANGE_COST,
+    last: int | None = None,
 ) -> IntArray:
     """Return the modes (T,) with the largest expected number of right rows, less the cost of each
-    change. weights: (T,) 1 at ticks with a row, 0 at others, whose mode is that of the largest
-    probability still.
+    change.
+
+    Args:
+        probabilities: (T, M) what each mode is worth at a tick.
+        weights: (T,) 1 at ticks with a row, 0 at others, whose mode is that of the largest
+            probability still.
+        cost: of a change.
+        last: mode before the first tick; None is not known.
     """
     modes = np.zeros(len(probabilities), int)
     before = np.zeros(probabilities.shape, np.int32)
-    run_compiled(_choose, probabilities, np.maximum(weights, 1e-6), cost, before, modes)
+    total = np.zeros(probabilities.shape[1])
+    if last is not None:
+        total -= cost
+        total[last] = 0.0
+    run_compiled(_choose, probabilities, np.maximum(weights, 1e-6), cost, total, before, modes)
     return modes
 
 

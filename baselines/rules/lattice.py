@@ -16,6 +16,7 @@ models", on nodes that merge as in the interacting multiple model smoother, Helm
 1995.
 """
 
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -32,9 +33,9 @@ from baselines.rules.beam_filters import (
     hazard_at,
     walk_branches,
 )
-from baselines.rules.measurements import estimate_in, run_compiled
+from baselines.rules.measurements import estimate_in
 from hybrid_env.checks import AnyArray, Float32Array, FloatArray, IntArray
-from hybrid_env.compiled import INNOVATION, MEASURED, aligned_zeros, compiled
+from hybrid_env.compiled import INNOVATION, MEASURED, aligned_zeros, compiled, run_compiled
 
 # Weight of a node at a tick below which it is not kept.
 SMALLEST = 1e-9
@@ -49,6 +50,8 @@ class Lattice(NamedTuple):
     `beam_filters.Walk`.
     """
 
+    # Number of the first of the ticks.
+    first: int
     # (T + 1,)
     offsets: IntArray
     # (n,)
@@ -83,49 +86,80 @@ def _begin(branches: Branches, starts: FloatArray, model: BeamModel) -> None:
     branches.evidence[0] = 0.0
 
 
+class LatticeWalk:
+    """The forward pass over the lattice of a track.
+
+    Args:
+        starts: (k, 14) see `_begin`, all equally probable.
+        branches: largest number of nodes at a tick.
+        model: without a prior of laws.
+
+    Attributes:
+        ticks: number of those that were walked.
+        most: largest number of groups.
+    """
+
+    def __init__(self, starts: FloatArray, branches: int, model: BeamModel):
+        modes = model.motions.size
+        self.model = model
+        self.branches = branch_arrays(1, max(branches, modes * len(starts)))
+        capacity = self.branches.histories.shape[1]
+        children = branch_arrays(1, modes + (2 if model.depth else 1) * capacity)
+        self.memory = children, aligned_zeros((1,), INNOVATION), aligned_zeros((1,), MEASURED)
+        self.log_probability = np.zeros((1, modes))
+        self.ticks = 0
+        self.most = groups_of(capacity, model)
+        run_compiled(_begin, self.branches, starts, model)
+
+    def extend(self, measurements: FloatArray, ends: FloatArray) -> list[AnyArray]:
+        """Walk over further T measurements, and return the numbers (T,) of nodes, then nodes,
+        groups and weights as in `Lattice`.
+
+        Args:
+            measurements: (T, 2) or (T, 9), see `sensing.write_measured`; NaN where there is none.
+            ends: (T,) as of `Lattice`; that of the first tick of the track is 0.
+        """
+        shape = len(measurements), 1, self.branches.histories.shape[1]
+        arrays = [np.zeros(shape, kind) for kind in (np.int64, np.uint16, np.float32)]
+        walk = Walk(measurements[:, None], ends, self.ticks, *arrays)
+        arguments = *self.memory, walk, self.log_probability, self.model
+        run_compiled(walk_branches, self.branches, *arguments)
+        self.ticks += len(measurements)
+        probable = walk.weights > SMALLEST
+        return [probable.sum((1, 2)), *(values[probable] for values in arrays)]
+
+    def lattice(self, parts: Iterable[Sequence[AnyArray]], ends: FloatArray) -> Lattice:
+        """Return the lattice of the last ticks.
+
+        Args:
+            parts: of the ticks, as returned by `extend`.
+            ends: (T,) as of `Lattice`.
+        """
+        counts, nodes, groups, weights = map(np.concatenate, zip(*parts, strict=True))
+        return Lattice(
+            self.ticks - len(ends),
+            np.append(0, np.cumsum(counts)),
+            nodes,
+            groups,
+            weights,
+            ends,
+            self.most,
+            float(self.branches.evidence[0]),
+        )
+
+
 def walk_lattice(
     measurements: FloatArray, starts: FloatArray, ends: FloatArray, branches: int, model: BeamModel
 ) -> Lattice:
-    """Walk over T measurements, (T, 2) or (T, 9), see `sensing.write_measured`.
-
-    Args:
-        measurements: NaN where there is none.
-        starts: (k, 14) see `_begin`, all equally probable.
-        ends: (T,) as of `Lattice`; that of the first tick is 0.
-        branches: largest number of nodes at a tick.
-        model: without a prior of laws.
-    """
-    modes = model.motions.size
-    walked = branch_arrays(1, max(branches, modes * len(starts)))
-    capacity = walked.histories.shape[1]
-    children = branch_arrays(1, modes + (2 if model.depth else 1) * capacity)
-    memory = aligned_zeros((1,), INNOVATION), aligned_zeros((1,), MEASURED)
-    log_probability = np.zeros((1, modes))
-    run_compiled(_begin, walked, starts, model)
-    counts, kept = [np.zeros(1, int)], []
-    for first in range(0, len(measurements), BLOCK):
-        part = measurements[first : first + BLOCK]
-        shape = len(part), 1, capacity
-        arrays = [np.zeros(shape, kind) for kind in (np.int32, np.uint16, np.float32)]
-        walk = Walk(part[:, None], ends[first : first + BLOCK], first, *arrays)
-        run_compiled(walk_branches, walked, children, *memory, walk, log_probability, model)
-        probable = walk.weights > SMALLEST
-        counts.append(probable.sum((1, 2)))
-        kept.append([values[probable] for values in arrays])
-    nodes, groups, weights = (np.concatenate(values) for values in zip(*kept, strict=True))
-    return Lattice(
-        np.cumsum(np.concatenate(counts)),
-        nodes,
-        groups,
-        weights,
-        ends,
-        groups_of(capacity, model),
-        float(walked.evidence[0]),
-    )
+    """Walk over all measurements of a track; the arguments are those of `LatticeWalk`."""
+    walk = LatticeWalk(starts, branches, model)
+    blocks = (slice(first, first + BLOCK) for first in range(0, len(measurements), BLOCK))
+    return walk.lattice([walk.extend(measurements[part], ends[part]) for part in blocks], ends)
 
 
 @compiled
 def _smooth(
+    first: int,
     offsets: IntArray,
     nodes: AnyArray,
     groups: AnyArray,
@@ -138,7 +172,8 @@ def _smooth(
     """Bring the weights of the last tick back to the first one.
 
     Args:
-        offsets: as `nodes`, `groups`, `weights`, `ends` and `most` those of a `Lattice`.
+        first: as `offsets`, `nodes`, `groups`, `weights`, `ends` and `most` those of a `Lattice`.
+        offsets: see above.
         nodes: see above.
         groups: see above.
         weights: see above.
@@ -149,14 +184,16 @@ def _smooth(
     """
     ticks = offsets.size - 1
     modes = model.motions.size
-    # Probability of each node that lives at the present tick.
+    # Probability of each node that lives at the present tick, and begins in the ticks.
     alive = np.zeros(ticks * modes * most)
+    earlier = first * modes * most
     now = np.zeros(modes)
     total = 0.0
     for j in range(offsets[ticks - 1], offsets[ticks]):
         total += weights[j]
     for j in range(offsets[ticks - 1], offsets[ticks]):
-        alive[nodes[j]] += weights[j] / total
+        if nodes[j] >= earlier:
+            alive[nodes[j] - earlier] += weights[j] / total
         now[nodes[j] // most % modes] += weights[j] / total
     for k in range(ticks - 1, -1, -1):
         for mode in range(modes):
@@ -178,7 +215,7 @@ def _smooth(
                 parent = segment % modes
                 begin = segment // modes
                 row = FIRST if begin == 0 else LATER
-                hazard = hazard_at(row, parent, k - begin, ends[k], model)
+                hazard = hazard_at(row, parent, first + k - begin, ends[k], model)
                 shares[j] = weights[offsets[k - 1] + j] * hazard * model.order[parent, mode]
                 total += shares[j]
             if total == 0.0:
@@ -187,7 +224,8 @@ def _smooth(
             for j in range(shares.size):
                 if shares[j] > 0.0:
                     node = nodes[offsets[k - 1] + j]
-                    alive[node] += begun * shares[j] / total
+                    if node >= earlier:
+                        alive[node - earlier] += begun * shares[j] / total
                     now[node // most % modes] += begun * shares[j] / total
 
 

@@ -16,7 +16,6 @@ from hybrid_env.compiled import (
     State,
     Triangle4,
     internal,
-    prepare,
     set_state,
     state_of,
     triangle_of,
@@ -66,19 +65,6 @@ def copy_filter(source: Any, lane: int, target: Any, target_lane: int) -> None:
     for k in range(source.covariance.shape[0]):
         target.covariance[k, target_lane] = source.covariance[k, lane]
     target.log_likelihood[target_lane] = source.log_likelihood[lane]
-
-
-_prepared: set[Any] = set()
-
-
-def run_compiled(function: Any, *arguments: Any) -> Any:
-    """Call a `compiled` function whose arguments always have the same types, prepared at its
-    first call.
-    """
-    if function not in _prepared:
-        prepare(function, *arguments)
-        _prepared.add(function)
-    return function(*arguments)
 
 
 class MeasurementDecider(Decider):

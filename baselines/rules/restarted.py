@@ -17,13 +17,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from baselines.rules.decider import Actions, Variants
-from baselines.rules.measurements import (
-    MeasurementDecider,
-    estimate_in,
-    filter_model,
-    run_compiled,
-    sensors_of,
-)
+from baselines.rules.measurements import MeasurementDecider, estimate_in, filter_model, sensors_of
 from hybrid_env.checks import (
     AnyArray,
     BoolArray,
@@ -43,6 +37,7 @@ from hybrid_env.compiled import (
     begin_motion,
     compiled,
     covariance_of,
+    run_compiled,
     sense_motion,
     state_of,
     write_measured,

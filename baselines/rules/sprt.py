@@ -13,10 +13,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from baselines.rules.decider import Actions, Decider, Observations, Variants
-from baselines.rules.measurements import run_compiled
 from baselines.rules.msprt import CLIPPED_RATIO, PUBLISHED, ROBUST
 from hybrid_env.checks import BoolArray, FloatArray, IntArray, Probability, checked, reject
-from hybrid_env.compiled import compiled, internal
+from hybrid_env.compiled import compiled, internal, run_compiled
 from hybrid_env.observation import Layout
 from hybrid_env.rendering.evidence import EvidencePanel, sprt_panel
 

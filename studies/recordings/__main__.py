@@ -33,7 +33,9 @@ class Recordings:
     """
 
     deciders: Annotated[tuple[str, ...], tyro.conf.Positional] = DECIDERS
-    """Names with their thresholds, or hindsight; the others are compared with the first."""
+    """Names with their thresholds, hindsight, or hindsight:10 for a live tracker that decides ten
+    ticks later, which are drawn; the others are compared with the first.
+    """
     tracks: int = 12
     """Number of recordings of each object and kind."""
     ticks: int = 600
@@ -47,7 +49,7 @@ class Recordings:
     quick: bool = False
     """Compare two deciders on four recordings."""
     out: Path = Path("results")
-    """Folder for recordings.md and recordings.json."""
+    """Folder for recordings.md, recordings.json and, of ticks later, recordings.png."""
 
     def run(self) -> None:
         """Track the recordings, print the tables and write the files."""
@@ -62,7 +64,8 @@ class Recordings:
             self.seed,
             self.jobs,
         )
-        save_results(self.out / "recordings", study.markdown(rows), rows)
+        figure = study.draw_lags(rows)
+        save_results(self.out / "recordings", study.markdown(rows), rows, figure)
 
 
 if __name__ == "__main__":

@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 from joblib import delayed
+from matplotlib.figure import Figure
 
 from agents import find_decider, track_recording
 from baselines import OnlineTracker, Scores, Statistic, score
-from studies.recordings.objects import TARGETS, SimulatedRecording, Target, record
+from studies.recordings.objects import TARGETS, SimulatedRecording, record
 from studies.results import in_brackets, in_parallel, markdown_table
 
 COLUMNS = {
@@ -33,7 +34,9 @@ COLUMNS = {
 rows; RMSE are in units of sqrt(R), and of sqrt(R) over a tick.
 """
 HINDSIGHT = "hindsight"
-"""In place of a decider: rows are decided from all rows."""
+"""In place of a decider: rows are decided from all rows; `hindsight:10` from those up to ten ticks
+later.
+"""
 NEAR = 25
 """A true switch without a statement of its mode within so many rows has no interval."""
 
@@ -77,7 +80,7 @@ def state(name: str, kind: str, seed: int, ticks: int, deciders: Sequence[str]) 
     letters = {}
     counted = {}
     for decider in deciders:
-        live = decider != HINDSIGHT
+        live = not decider.startswith(HINDSIGHT)
         rule = decider if live else None
         tracked = track_recording(*recording[:2], live=live, decider=rule, **given)
         model = tracked.model
@@ -87,34 +90,69 @@ def state(name: str, kind: str, seed: int, ticks: int, deciders: Sequence[str]) 
             "process_variance": model.process_variance,
             "durations": f"geometric {model.duration!r}",
         }
-        letters[decider] = tracked.of_modes(tracked.modes)[0]
-        counted[decider] = counts(recording, tracked, TARGETS[name])
+        modes, estimates, intervals = tracked.modes, tracked.estimates, {}
+        if decider not in (rule, HINDSIGHT):
+            modes, estimates = settle(recording, tracked, int(decider.partition(":")[2]))
+        elif not live:
+            intervals = dict(zip(tracked.pieces[:, 0].tolist(), tracked.moments, strict=True))
+        letters[decider] = tracked.of_modes(modes)[0]
+        errors = (estimates - recording.states) / TARGETS[name].deviation
+        errors[:, 1::2] *= TARGETS[name].tau
+        counted[decider] = counts(recording, letters[decider], errors, intervals)
     return recording, letters, counted
 
 
-def counts(recording: SimulatedRecording, tracked: Any, target: Target) -> dict[str, float]:
+def settle(recording: SimulatedRecording, tracked: Any, lag: int) -> tuple[Any, Any]:
+    """Return the modes (n,) and the estimates (n, 4) of a recording that a live tracker decides
+    `lag` ticks later; the last rows without later ones.
+
+    Args:
+        recording: of the n rows.
+        tracked: the same, whose model the tracker has.
+        lag: in ticks.
+    """
+    tracker = OnlineTracker.from_recording(tracked, gate=None, lag=lag)
+    times = recording.times - recording.times[0]
+    ticks = np.rint(times / tracker.tau).astype(int)
+    late = times - tracker.tau * ticks
+    rows = dict(zip(ticks.tolist(), range(len(ticks)), strict=True))
+    settled = []
+    for tick in range(ticks[-1] + 1 + lag):
+        row = rows.get(tick)
+        point = None if row is None else tracker.units.measured(recording.positions[row])
+        now = tracker.advance(1, point, 0.0 if row is None else float(late[row]))
+        if now.settled is not None:
+            settled.append((now.settled.mode, now.settled.estimate))
+    modes, estimates = (np.array(values)[ticks] for values in zip(*settled, strict=True))
+    estimates[:, ::2] += late[:, None] * estimates[:, 1::2]
+    return modes, estimates
+
+
+def counts(
+    recording: SimulatedRecording, stated: Any, errors: Any, intervals: dict[int, Any]
+) -> dict[str, float]:
     """Return how many rows, short pieces and true switches a recording has; how many switches are
     stated within one and three rows of the true one, and of those within `NEAR` rows how many lie
-    in the interval that is given; and the sums of squared errors, see `COLUMNS`.
+    in the interval that is given; and the sums of squared errors.
+
+    Args:
+        recording: of n rows.
+        stated: (n,) letters S, L and R.
+        errors: (n, 4) of the estimates, in the units of `COLUMNS`.
+        intervals: times of the two ends of an interval by the row at which a piece begins.
     """
-    stated = tracked.of_modes(tracked.modes)[0]
-    begins = np.flatnonzero(np.diff(tracked.modes, prepend=-2))
+    begins = np.flatnonzero(stated != np.append("", stated[:-1]))
     lengths = np.diff(begins)
     switches = np.flatnonzero(recording.modes[1:] != recording.modes[:-1]) + 1
-    intervals = {}
-    if not tracked.live:
-        intervals = dict(zip(tracked.pieces[:, 0].tolist(), tracked.moments, strict=True))
     beside = []
     inside = []
     for row in switches:
         same = begins[stated[begins] == recording.modes[row]]
-        nearest = same[np.abs(same - row).argmin()] if same.size else np.inf
-        beside.append(abs(nearest - row))
+        nearest = int(same[np.abs(same - row).argmin()]) if same.size else -1
+        beside.append(abs(nearest - row) if same.size else np.inf)
         if beside[-1] < NEAR and nearest in intervals:
             low, high = intervals[nearest]
             inside.append(low <= recording.times[row] <= high)
-    errors = (tracked.estimates - recording.states) / target.deviation
-    errors[:, 1::2] *= target.tau
     return {
         "rows": len(stated),
         "below_3": np.sum(lengths < 3),
@@ -148,7 +186,7 @@ def evaluate(
     results = in_parallel(calls, jobs, "recordings")
     rows = compare("all", results, deciders)
     for row in rows:
-        if row["decider"] != HINDSIGHT:
+        if not row["decider"].startswith(HINDSIGHT):
             row |= costs(row["decider"], results[0][0])
     for part, world in enumerate(worlds):
         here = results[part * tracks : (part + 1) * tracks]
@@ -233,3 +271,36 @@ def markdown(rows: Sequence[Row]) -> str:
     ]
     names = [*changed, *numbers]
     return markdown_table(["recordings", "decider", *COLUMNS, *names], lines)
+
+
+def draw_lags(rows: Sequence[Row]) -> Figure | None:
+    """Draw the right rows against the number of ticks after which a row is decided, in all
+    recordings and in the objects and kinds; None without such deciders.
+    """
+    lags = {f"{HINDSIGHT}:{lag}": lag for lag in range(1000)}
+    drawn = [row for row in rows if row["decider"] in lags]
+    if not drawn:
+        return None
+    figure = Figure(figsize=(8.0, 4.0), layout="constrained")
+    axes = figure.subplots()
+    axes.set_title("How many rows are right if a live tracker decides some ticks later?")
+    axes.set_xlabel("ticks between a measurement and the decision of its mode")
+    axes.set_ylabel("share of right rows")
+    for world in {row["recordings"]: None for row in drawn}:
+        here = [row for row in rows if row["recordings"] == world]
+        late = [row for row in here if row["decider"] in lags]
+        places = [lags[row["decider"]] for row in late]
+        style = {"color": "black", "linewidth": 2.0} if world == "all" else {"linewidth": 0.8}
+        (line,) = axes.plot(places, [row["agreement"].value for row in late], label=world, **style)
+        for row in here:
+            if row["decider"] == HINDSIGHT:
+                end = row["agreement"].value
+                axes.plot([places[-1]], [end], ">", color=line.get_color(), clip_on=False)
+    axes.grid(alpha=0.3)
+    axes.legend(
+        title="recordings (at the right: all rows known)",
+        fontsize="small",
+        loc="center left",
+        bbox_to_anchor=(1.0, 0.5),
+    )
+    return figure

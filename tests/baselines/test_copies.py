@@ -41,8 +41,9 @@ def bank():
     return bank_of_points, lambda bank, k: bank.step(POINTS[k])
 
 
-def tracker(options, decider):
-    return OnlineTracker(options, decider), lambda tracker, k: tracker.update(POINTS[k])[2:5]
+def tracker(options, decider, lag=None):
+    made = OnlineTracker(options, decider, lag=lag)
+    return made, lambda tracker, k: (*(now := tracker.update(POINTS[k]))[2:5], now.settled)
 
 
 QUICKEST = QuickestOptions()
@@ -59,6 +60,7 @@ KINDS = {
     "bank": bank,
     "tracker": lambda: tracker(QUICKEST, ThresholdDecider()),
     "tracker of a beam": lambda: tracker(QUICKEST, BeamDecider(QUICKEST, branches=5)),
+    "tracker with a lag": lambda: tracker(QUICKEST, ThresholdDecider(), lag=1),
     "announced tracker": lambda: tracker(WorldOptions(), SPRTDecider()),
     "tracker with filters": lambda: tracker(WorldOptions(), RefilteringDecider(WorldOptions())),
 }

@@ -1,0 +1,90 @@
+"""Modes and estimates of a live track some ticks later, when more measurements have come."""
+
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+
+from baselines.rules.beam_filters import BY_LAW
+from baselines.rules.hindsight import beam_of, choose_modes, smoother_of, unknown_starts, worth_of
+from baselines.rules.lattice import LatticeWalk, smooth_lattice
+from hybrid_env.checks import AnyArray, FloatArray
+from hybrid_env.quickest_options import QuickestOptions
+
+# Rows that are still to come for which the mode of the last one counts: otherwise no change would
+# be worth its cost with a short lag. Chosen for simulated objects with lags of 1 to 20.
+AHEAD = 3.0
+
+
+class Settled(NamedTuple):
+    """What is known of a tick from its measurement, all before and some that came later.
+
+    Attributes:
+        mode: with the one before, and the next ones until now, those with the largest expected
+            number of right ticks, less 2 for each change.
+        probabilities: (M,) of the modes; those of `smooth_modes` with the same number of branches
+            for a recording that ends now.
+        estimate: (4,) [x, vx, y, vy], smoothed along the modes.
+        covariance: (4, 4) of the estimate.
+    """
+
+    mode: int
+    probabilities: FloatArray
+    estimate: FloatArray
+    covariance: FloatArray
+
+
+class FixedLagSmoother:
+    """A pass over the lattice of a track that is smoothed over its last ticks, again at each tick.
+
+    Args:
+        options: of the environment whose model is assumed.
+        lag: number of ticks by which a tick is settled later.
+        first: (2,) or (9,) first measurement, see `smooth_modes`.
+        process_share: see `smooth_modes`.
+    """
+
+    def __init__(
+        self, options: QuickestOptions, lag: int, first: FloatArray, process_share: float = 1.0
+    ):
+        # Covariance xx, xy, yy of a measured position [m^2].
+        self._noise = np.array([options.variances[0], 0.0, options.variances[-1]])
+        most, self.model = beam_of(options, None, process_share)
+        self._positions = np.full((lag + 1, 2), np.nan)
+        self._noises = np.tile(self._noise_of(first), (lag + 1, 1))
+        starts, rough = unknown_starts(first[:2], self._noises[0], options)
+        self._walk = LatticeWalk(starts, most, self.model)
+        self._smoother = smoother_of(options, self._positions, self._noises, rough)
+        self._parts: deque[list[AnyArray]] = deque(maxlen=lag + 1)
+        self._worth = worth_of(options.motions)
+        # Mode that was settled last, and the filtered state there.
+        self._mode: int | None = None
+        self._before = self._smoother.begin()
+
+    def _noise_of(self, row: FloatArray) -> FloatArray:
+        """Return the covariance (3,) of the measured position of a row."""
+        return self._noise[0] * row[2:5] if len(row) > 2 else self._noise
+
+    def step(self, row: FloatArray) -> Settled | None:
+        """Advance by one tick with a measurement like the first one, NaN if there is none; return
+        what is known of the tick `lag` ticks ago, None if there is no such tick.
+        """
+        for array, values in ((self._positions, row[:2]), (self._noises, self._noise_of(row))):
+            array[:-1] = array[1:]
+            array[-1] = values
+        end = BY_LAW if self._walk.ticks else 0.0
+        self._parts.append(self._walk.extend(row[None], np.full(1, end)))
+        if len(self._parts) < len(self._positions):
+            return None
+        lattice = self._walk.lattice(self._parts, np.full(len(self._parts), BY_LAW))
+        probabilities = smooth_lattice(lattice, self.model)
+        weights = (~np.isnan(self._positions[:, 0])).astype(float)
+        weights[-1] += AHEAD
+        worth = probabilities @ self._worth
+        modes = choose_modes(worth, weights, last=self._mode)
+        begins = modes != np.append(-1 if self._mode is None else self._mode, modes[:-1])
+        estimate, covariance, self._before = self._smoother.smooth_first(
+            modes, begins, self._before
+        )
+        self._mode = int(modes[0])
+        return Settled(self._mode, probabilities[0], estimate, covariance)
