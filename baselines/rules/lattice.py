@@ -219,7 +219,10 @@ def _smooth(
                 shares[j] = weights[offsets[k - 1] + j] * hazard * model.order[parent, mode]
                 total += shares[j]
             if total == 0.0:
-                continue
+                # Its parents were too improbable to be kept: it follows those that were.
+                for j in range(shares.size):
+                    shares[j] = weights[offsets[k - 1] + j]
+                    total += shares[j]
             now[mode] -= begun
             for j in range(shares.size):
                 if shares[j] > 0.0:
