@@ -135,13 +135,19 @@ class Track(TrackingArguments, TrustArguments):
         for name in ("geojson", "gpx"):
             if getattr(self, name) and file.recordings[0].projection is None:
                 raise ArgumentError(f"{path}: --{name} needs latitude and longitude, not x and y")
-        results = [self.track(recording) for recording in file.recordings]
+        several = len(file.recordings) > 1
+        results = []
+        for recording in file.recordings:
+            try:
+                results.append(self.track(recording))
+            except ArgumentError as error:
+                named = f"{path}: {recording.name}" if several else path
+                raise ArgumentError(f"{named}: {error}") from None
         with atomic_folder(folder) as part:
             places = object_folders(part, [recording.name for recording in file.recordings])
             for tracked, place in zip(results, places, strict=True):
                 self._write(tracked, place)
             written = ", ".join(sorted(path.name for path in places[0].iterdir()))
-        several = len(results) > 1
         warnings = [warning.removeprefix(f"{path}: ") for warning in file.warnings]
         lines = [file.summary, *map("  warning: {}".format, warnings)]
         for tracked in results:

@@ -76,6 +76,18 @@ def test_a_broken_recording_gets_one_line_and_changes_nothing(tmp_path, capsys):
     assert list(tmp_path.iterdir()) == [path]
 
 
+def test_an_object_that_cannot_be_tracked_is_named(tmp_path, capsys):
+    path = tmp_path / "ships.csv"
+    write(path, mmsi=["211"] * ROWS)
+    ships = pd.read_csv(path)
+    pd.concat([ships, ships.assign(mmsi="212", x=5.0, y=5.0)]).to_csv(path, index=False)
+
+    assert main(["track", str(path)]) == 2
+    [line] = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"hybridtrack: {path}: 212: the ")
+    assert list(tmp_path.iterdir()) == [path]
+
+
 def test_existing_results_are_not_overwritten_without_a_word(tmp_path):
     path = tmp_path / "walk.csv"
     line = ["track", str(path), "--no-png"]
