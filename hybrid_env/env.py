@@ -211,8 +211,7 @@ class HybridTrackEnv(TrackEnv):
     | i + 1 | declare hypothesis i |
 
     With `actions="types"` the action space is `Discrete(4)`: wait, straight, left, right. The most
-    likely hypothesis of the type is declared. With `actions="best"` it is `Discrete(2)`: wait, or
-    declare the most likely hypothesis. An action outside the space raises
+    likely hypothesis of the type is declared. An action outside the space raises
     `gymnasium.error.InvalidAction`.
 
     `action_masks()` and `info["action_mask"]` say which actions count now. Waiting always does; the
@@ -299,8 +298,7 @@ class HybridTrackEnv(TrackEnv):
     A step with a decision adds `decided_mode`, `decided_true_mode`, `correct` (by the criterion of
     the reward), `type_correct` (straight, left or right), `ticks` (the decision time since the
     switch), `forced`, `decided_length` (of the segment) and `decided_squared_error` (of the
-    estimated position, summed over the segment, after `recalculation=True` of the recalculated
-    estimates). Units are m, m/s and ticks.
+    estimated position, summed over the segment). Units are m, m/s and ticks.
 
     ## Arguments
     `gym.make` takes `render_mode` ("rgb_array", or "human" for Gymnasium's window), `bank_info` and

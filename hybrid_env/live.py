@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hybrid_env.checks import AnyArray, FloatArray, Moments, OwnState, reject
+from hybrid_env.checks import AnyArray, FloatArray, OwnState, reject
 from hybrid_env.core.announced import HAS_DECISION
 from hybrid_env.core.kernels import BEGIN, MEASURE
 from hybrid_env.options import WorldOptions
@@ -35,11 +35,7 @@ class LiveTracks(OwnState):
     Attributes:
         world: the arrays, whose `observations` deciders read.
         announced: whether switches are announced.
-        recalculated: with the option `recalculation`: estimates (k, 4) and covariances (k, 4, 4)
-            since the switch by the filter of the mode that was declared last.
     """
-
-    recalculated: Moments | None = None
 
     def __init__(self, options: Any, tracks: int = 1):
         self.announced = isinstance(options, WorldOptions)
@@ -87,10 +83,6 @@ class LiveTracks(OwnState):
             return
         self.world.blocks["length"][0, 0] = ticks
         self.world.run(BEGIN)
-        if self.options.recalculation:
-            self._at_switch = {name: array.copy() for name, array in self.world.arrays().items()}
-            # What was measured since the switch.
-            self._since: list[list[FloatArray]] = []
 
     def measure(self, position: ArrayLike, fused: Fused | None = None) -> None:
         """Advance by one tick with a position (2,) [m], NaN without one, and write the observation;
@@ -105,8 +97,6 @@ class LiveTracks(OwnState):
                 noise[:] = np.array(fused.covariance) / self.options.variances[0]
                 rates[: len(fused.rates)] = fused.rates
         self.world.run(MEASURE)
-        if self.announced and self.options.recalculation and self.asks:
-            self._since.append([values.copy() for values in (measurement, noise, rates)])
 
     def measure_all(self, measurements: FloatArray) -> None:
         """Advance by one tick with measurements (N, 2) [m], NaN where there is none, after
@@ -123,30 +113,6 @@ class LiveTracks(OwnState):
         if self.announced and action:
             self.world.run(MEASURE)
             self.world.actions[0] = 0
-            if self.options.recalculation:
-                self.recalculated = self._recalculate()
-
-    def _recalculate(self) -> Moments:
-        """Go back to the switch, and forward again with the decided mode. Tsyganov 2019, lines
-        16 to 21.
-        """
-        world = self.world
-        mode = self.mode
-        ticks = len(self._since)
-        row = world.observations.copy()
-        estimates = np.empty((ticks, 4))
-        covariances = np.empty((ticks, 4, 4))
-        world.restore(self._at_switch)
-        world.blocks["active_mode"][0, 0] = mode
-        for k, measured in enumerate(self._since):
-            for name, values in zip(("measurement", "noise", "rates"), measured, strict=True):
-                self._view(name)[:] = values
-            world.run(MEASURE)
-            estimates[k] = self.estimate()
-            covariances[k] = self.covariance()
-        world.decision_flags[HAS_DECISION, 0] = True
-        world.observations[:] = row
-        return estimates, covariances
 
     @property
     def decided(self) -> bool:

@@ -37,9 +37,6 @@ class WorldOptions(ModelOptions):
             filters; the estimate and the next anchor are the mean of the posterior over all
             hypotheses, with its covariance (`core.banks.posterior`), so that a wrong decision costs
             its reward and nothing else.
-        recalculation: a declaration recalculates the estimates since the switch by the filter of
-            its mode (Tsyganov 2019). `decided_squared_error` counts these; the next anchor is the
-            same.
         refine_radius: after a declaration all filters run on; estimate, last decided mode and next
             anchor are those of the likeliest hypothesis of the declared type (straight, left or
             right).
@@ -49,8 +46,7 @@ class WorldOptions(ModelOptions):
             `correctness="type"` that of straight, left or right); before, it waits. All hypotheses
             have equal priors at the switch. 0 lets every declaration count.
         actions: "all" waits or declares one of M hypotheses; "types" waits or declares straight,
-            left or right, which is the most likely hypothesis of this type; "best" waits or
-            declares the most likely one.
+            left or right, which is the most likely hypothesis of this type.
         observation: "bank" is the output of the bank; "raw" the measurement relative to the anchor,
             without the bank; "state" the true state and the true mode; "innovations" the whitened
             innovations, the time and the last decision, so that a decider has to sum up the
@@ -68,12 +64,11 @@ class WorldOptions(ModelOptions):
     bank: Literal["published", "anchor_aware", "oracle"] = "published"
     reset_covariance: bool | None = None
     follow: Literal["declared", "bank"] = "declared"
-    recalculation: bool = False
     refine_radius: bool = False
     delay_cost: QuantityOrZero = 0.02
     correctness: Literal["exact", "type"] = "exact"
     evidence: Annotated[float, Interval(ge=0.0, le=1.0 - 1e-9)] = 0.0
-    actions: Literal["all", "types", "best"] = "all"
+    actions: Literal["all", "types"] = "all"
     observation: Literal["bank", "raw", "state", "innovations"] = "bank"
     undecided: Literal["likeliest", "keep"] = "likeliest"
 
@@ -83,9 +78,9 @@ class WorldOptions(ModelOptions):
             raise reject(
                 "reset_covariance", True, "False or None with bank='oracle', whose anchor is exact"
             )
-        for name in ("recalculation", "refine_radius"):
-            if getattr(self, name) and self.follow == "bank":
-                raise reject(name, True, "False with follow='bank', which merges all filters")
+        if self.refine_radius and self.follow == "bank":
+            allowed = "False with follow='bank', which merges all filters"
+            raise reject("refine_radius", True, allowed)
         if self.refine_radius and len(self.type_names) == self.hypotheses:
             raise reject("refine_radius", True, "False with a single radius: give several in radii")
         signed_radii = self.table[:, SEGMENT_COLUMNS.index("signed_radius")]
@@ -118,8 +113,6 @@ class WorldOptions(ModelOptions):
     @property
     def action_count(self) -> int:
         """Number of actions."""
-        if self.actions == "best":
-            return 2
         return 1 + (self.hypotheses if self.actions == "all" else len(self.type_names))
 
     @property
@@ -180,13 +173,11 @@ class WorldOptions(ModelOptions):
             "exact_anchor": self.bank != "anchor_aware",
             "exact": self.correctness == "exact",
             "merged": self.follow == "bank",
-            "declare_best": self.actions == "best",
             "declare_type": self.actions == "types",
             "log_error_allowed": math.log1p(-self.evidence),
             "observation": OBSERVATIONS.index(self.observation),
             # 1 if those of both axes are equal.
             "axes": 2 if self.follow == "bank" else self.variances.size,
-            "recalculated": self.hypotheses * self.recalculation,
             "refined": self.refine_radius,
             "keep_undecided": self.undecided == "keep",
         }

@@ -4,7 +4,7 @@ afterwards, row by row.
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -274,16 +274,6 @@ class TrackingArguments(ErrorArguments):
     """Law of the durations of the modes in ticks, such as 'geometric 75' or '25 + geometric 50'. By
     default geometric with the mean that the recording shows.
     """
-    bank: Literal["published", "anchor_aware"] | None = None
-    """With --live and --lengths: filters; by default those of the decider."""
-    undecided: Literal["keep", "likeliest"] = "likeliest"
-    """With --live: mode of a piece without a decision: that of the previous piece (keep), or the
-    most likely one.
-    """
-    refine_radius: bool = False
-    """With --live and --lengths: after a decision, go on with the likeliest radius of the decided
-    type. Needs several radii.
-    """
     initial_state: tuple[float, float, float, float] | None = None
     """Exact state x, vx, y, vy one tick before the first measurement; by default from the
     measurements.
@@ -296,11 +286,8 @@ class TrackingArguments(ErrorArguments):
         parse_modes(self.modes)
         if self.durations is not None:
             parse_durations(self.durations)
-        for name in ("decider", "bank", "refine_radius"):
-            if getattr(self, name) and not self.live:
-                raise reject(name, getattr(self, name), "none without live")
-            if getattr(self, name) and not self.lengths and name != "decider":
-                raise reject(name, getattr(self, name), "none without lengths")
+        if self.decider and not self.live:
+            raise reject("decider", self.decider, "none without live")
         announced = self.live and self.lengths
         task, other = (ANNOUNCED, UNKNOWN) if announced else (UNKNOWN, ANNOUNCED)
         if base_name(self._decider_name()) in rules(other):
@@ -393,12 +380,8 @@ class TrackingArguments(ErrorArguments):
                 # Of an episode, for deciders that are fitted by simulation.
                 segments = min(len(lengths), 6)
                 options |= needed_options(name, ANNOUNCED)
-                options |= {} if self.bank is None else {"bank": self.bank}
                 world = WorldOptions(
-                    **options,
-                    undecided=self.undecided,
-                    refine_radius=self.refine_radius,
-                    scheme=f"random {segments}x{min(lengths)}-{max(lengths)}",
+                    **options, scheme=f"random {segments}x{min(lengths)}-{max(lengths)}"
                 )
             else:
                 longest = max(len(piece.measurements) for piece in grid.pieces)

@@ -235,13 +235,6 @@ class LibraryAlgorithm(Algorithm):
         )
         return actor_decider(actor, self.world).changed(title=title)
 
-    def evaluate(self) -> None:
-        """See `Algorithm.evaluate`; only if the actions are declarations of hypotheses or types, or
-        statements.
-        """
-        if not self.task.waits or self.world.actions != "best":
-            super().evaluate()
-
     def recent_means(self) -> tuple[float, float]:
         """Log the means of recent episodes, and return those of `TrainingProgress`."""
         episodes = self.model.ep_info_buffer

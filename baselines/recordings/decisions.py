@@ -149,7 +149,7 @@ def decide_piece(
         seen = np.flatnonzero(decided[first:end])
         if seen.size:
             segment[3] = first + seen[0]
-        elif lengths and end > first and options.undecided == "likeliest":
+        elif lengths and end > first:
             segment[2] = probabilities[end - 1].argmax()
     # A piece between two rows has none.
     pieces = pieces[ends > begins]

@@ -5,7 +5,7 @@ from typing import Literal, NamedTuple, TypeAlias
 
 from baselines.estimation.turns import Turn
 from baselines.rules.fixed_lag import Settled
-from hybrid_env.checks import FloatArray, Moments
+from hybrid_env.checks import FloatArray
 
 Status: TypeAlias = Literal["used", "missing", "far", "repeated", "late", "dropped"]
 """What became of a measurement, see `OnlineEstimate`."""
@@ -33,9 +33,6 @@ class OnlineEstimate(NamedTuple):
         position: (x, y) of the estimate; with a projection latitude and longitude [deg].
         turn: speed and radius of the object with their deviations, in the units of the estimate.
             The radius is estimated although the hypothesis names another one.
-        recalculated: with the option `recalculation`, at a declaration: estimates (k, 4) and
-            covariances (k, 4, 4) of the k ticks since the switch by the filter of the declared
-            mode; otherwise None.
         settled: with a `lag` of the tracker, what is now known of the tick so many ticks ago, in
             the units of the estimate; None before there is one.
     """
@@ -48,5 +45,4 @@ class OnlineEstimate(NamedTuple):
     status: Status = "used"
     position: tuple[float, float] = (math.nan, math.nan)
     turn: Turn = Turn(math.nan, math.nan, math.nan, math.nan)
-    recalculated: Moments | None = None
     settled: Settled | None = None

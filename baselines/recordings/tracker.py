@@ -341,7 +341,6 @@ class OnlineTracker(OwnState):
             if not self._begins_after(state.collected, point, missing):
                 return self._known("missing" if point is None else "used")
             missing = 0
-        track.recalculated = None
         for k in range(missing):
             if point is None and k == missing - 1:
                 # The tick of `update(None)` itself.
@@ -553,7 +552,6 @@ class OnlineTracker(OwnState):
         """Return what is known now."""
         state = self.state
         track = self.track
-        recalculated = None
         if state.collected is not None:
             mode, decided = max(state.mode, 0), False
             probabilities = np.full(self.options.hypotheses, 1.0 / self.options.hypotheses)
@@ -568,14 +566,11 @@ class OnlineTracker(OwnState):
             probabilities = track.probabilities()
             estimate = track.estimate()
             covariance = track.covariance()
-            recalculated = track.recalculated
             turn = track.turn()
         if self._late:
             estimate[::2] += self._late * estimate[1::2]
         units = self.units
         estimate, covariance = units.moments(estimate, covariance)
-        if recalculated is not None:
-            recalculated = units.moments(*recalculated)
         return OnlineEstimate(
             mode,
             decided,
@@ -585,7 +580,6 @@ class OnlineTracker(OwnState):
             status,
             units.place(estimate),
             turn if units.same else units.turn(turn),
-            recalculated,
             state.settled,
         )
 

@@ -11,7 +11,7 @@ from baselines.rules.decider import ANNOUNCED, Actions, Observations
 from baselines.rules.external import CheckedDecider, ModelDecider, as_decider
 from baselines.scoring.decisions import Decisions
 from baselines.scoring.statements import Statements
-from hybrid_env.checks import AnyArray, BoolArray, FloatArray, Info, check_integer, reject
+from hybrid_env.checks import AnyArray, BoolArray, FloatArray, Info, check_integer
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.registration import make_vector_env
@@ -193,8 +193,6 @@ def evaluate(
     # A model of a learning library plays with the actions that it was trained with; all others
     # declare hypotheses.
     trained = getattr(model, "action_space", None) == given.single_action_space
-    if not trained and given.options.actions == "best":
-        raise reject("actions", "best", "'all' or 'types': deciders declare hypotheses")
     every = given.options.decide_every
     if as_decider(decider).every_tick:
         options = options | {"decide_every": 1}

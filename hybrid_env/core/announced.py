@@ -52,7 +52,6 @@ from hybrid_env.core.true_object import (
     draw_first_estimate,
     move,
     move_lane,
-    sum_errors,
 )
 
 # First of `DECISION_FLAGS`.
@@ -174,7 +173,7 @@ def chosen_mode(
     forced = action == 0
     if forced and setting.keep_undecided:
         return block.active_mode[lane]
-    if forced or setting.declare_best:
+    if forced:
         return likeliest(bank.hypotheses, lane)
     if setting.declare_type:
         return likeliest_of_type(bank.hypotheses, types, lane, action - 1)
@@ -227,8 +226,6 @@ def _decide(
     for k, value in enumerate((chosen, true_mode, block.tick[lane], block.length[lane])):
         decisions[k, i] = value
     block.active_mode[lane] = chosen
-    if rare is not None and setting.recalculated > 0 and action > 0:
-        block.squared_error[lane] = arrays.errors[i // LANES, chosen, lane]
     noise, merged = arrays.scratch[0].noise, setting.merged
     motions = motions_of(bank)
     irregular = rare is not None and setting.irregular
@@ -316,8 +313,6 @@ def tick(
     if rare is not None and setting.bank_rows > 0:
         write_corrected(arrays.bank_ticks, b, first, last, bank)
     for lane in range(first, last):
-        if rare is not None and setting.recalculated > 0:
-            sum_errors(block, lane, bank.hypotheses, arrays.errors[b])
         trace = arrays.trace[b * LANES + lane]
         _record_estimate(block, lane, bank.hypotheses, trace, setting.merged)
 

@@ -22,7 +22,6 @@ RARE = (
     "freedom",
     "observation",
     "bank_rows",
-    "recalculated",
     "order_rows",
     "drawn_modes",
     "drawn_laws",

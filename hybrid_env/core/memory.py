@@ -501,9 +501,6 @@ class Arrays(NamedTuple):
     trace: Any = Array(np.float64, ("tracks", "trace_rows", len(TRACE_COLUMNS)))
     decisions: Any = Array(np.int64, (len(DECISION), "tracks"))
     decision_flags: Any = Array(np.bool_, (len(DECISION_FLAGS), "tracks"))
-    # Squared position error of every filter, summed over the segment, if it may be recalculated
-    # [m^2].
-    errors: Any = Array(np.float64, ("blocks_count", "recalculated", LANES))
     # Temporary values of one tick of one block, which the blocks of a thread share in the L1 cache.
     scratch: Any = Array(
         lanes_of(
@@ -616,8 +613,6 @@ PARAMETERS = np.dtype(
                 "observation",
                 # M if every tick of the bank is recorded, or 0.
                 "bank_rows",
-                # M if a declaration recalculates the estimates since the switch, or 0.
-                "recalculated",
                 # Between two decisions [ticks].
                 "decide_every",
                 # Of a random scheme, and of an episode with unknown switches.
@@ -652,8 +647,7 @@ PARAMETERS = np.dtype(
                 "exact",
                 # An action declares the most likely hypothesis of a type.
                 "declare_type",
-                # Action 1 declares the most likely hypothesis; see the option `undecided`.
-                "declare_best",
+                # See the option `undecided`.
                 "keep_undecided",
                 # All filters run on after a decision: the estimate is that of the bank, or of the
                 # likeliest.

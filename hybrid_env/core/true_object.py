@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_env.core.banks.bank import estimate_of
 from hybrid_env.core.compilation import formula, inlined, internal
 from hybrid_env.core.memory import SEGMENT_COLUMNS, FloatArray, Records, state_of, write_lane
 from hybrid_env.core.motion import (
@@ -212,19 +211,6 @@ def _sense(
         write_lane(block.noise, lane, (xx, xy, yy))
     else:
         block.measurement[0, lane] = block.measurement[1, lane] = np.nan
-
-
-@inlined
-def sum_errors(block: Any, lane: int, hypotheses: Records, errors: FloatArray) -> None:
-    """Add the squared position errors of all filters to their sums since the switch, (M, LANES)
-    [m^2].
-    """
-    for h in range(hypotheses.size):
-        x, _, y, _ = estimate_of(hypotheses, h, lane)
-        error_x = x - block.truth[0, lane]
-        error_y = y - block.truth[2, lane]
-        before = 0.0 if block.tick[lane] == 1 else errors[h, lane]
-        errors[h, lane] = before + error_x * error_x + error_y * error_y
 
 
 @internal

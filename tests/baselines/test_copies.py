@@ -56,7 +56,7 @@ KINDS = {
     "vector environment": lambda: environment(gym.make_vec("HybridTrack-v0", 20, threads=2)),
     "complete info": lambda: environment(CompleteInfo(gym.make("HybridTrack-v0").unwrapped)),
     "live": lambda: live(QUICKEST),
-    "recalculation": lambda: live(WorldOptions(recalculation=True)),
+    "announced live": lambda: live(WorldOptions()),
     "bank": bank,
     "tracker": lambda: tracker(QUICKEST, ThresholdDecider()),
     "tracker of a beam": lambda: tracker(QUICKEST, BeamDecider(QUICKEST, branches=5)),

@@ -20,7 +20,7 @@ ANNOUNCED = [
     pytest.param({"observation": "state"}, id="state"),
     pytest.param({"modes": "straight, left 5, stop"}, id="own modes"),
     pytest.param({"sensors": ["0.4 period 3", "radar 0.5 0.01 rate 0.3"]}, id="radar"),
-    pytest.param({"noise": "student_t 3", "recalculation": True}, id="recalculation"),
+    pytest.param({"noise": "student_t 3"}, id="heavy tails"),
     pytest.param({"scheme": "S7 L12r5 S5"}, id="segments that end between"),
 ]
 

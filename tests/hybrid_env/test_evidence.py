@@ -13,7 +13,7 @@ TRACKS, EVIDENCE = 16, 0.9
 WORLDS = [
     {"radii": (5.0,), "bank": "anchor_aware"},
     {"radii": BANK_RADII, "correctness": "type", "actions": "types", "missed": 0.4},
-    {"radii": (3.0, 8.0), "actions": "best"},
+    {"radii": (3.0, 8.0)},
 ]
 
 

@@ -228,7 +228,7 @@ def test_long_texts_are_read_in_linear_time():
 
 def test_a_mode_may_grow_for_some_ticks():
     growing = LinearMode(1.03 * np.eye(4), name="up")
-    env = HybridTrackVectorEnv(9, modes=(Straight(), growing), actions="best")
+    env = HybridTrackVectorEnv(9, modes=(Straight(), growing))
     rows, _ = env.reset(seed=1)
     for _ in range(600):
         assert env.observation_space.contains(rows)

@@ -69,7 +69,6 @@ def test_options_that_do_not_fit_together_are_refused_by_name():
         {"scheme": "S" + "9" * 4400},
         {"radii": 1.0, "speed": 100.1, "tau": 1.0},
         {"reset_covariance": True, "bank": "oracle"},
-        {"recalculation": True, "follow": "bank"},
         {"radii": (5.0,), "scheme": "L50r3"},
     ):
         assert refused(WorldOptions, **given).partition("=")[0] == next(iter(given))

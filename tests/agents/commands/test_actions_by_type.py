@@ -55,8 +55,3 @@ def test_a_model_that_was_trained_with_types_is_not_translated():
 
     assert for_actions(model, options) is model
     assert agents.evaluate(Model(), ENV, episodes=5, **SCHEME)["type_accuracy"].value < 1.0
-
-
-def test_a_rule_that_declares_hypotheses_is_refused_where_an_action_declares_the_best_one():
-    with pytest.raises(ArgumentError, match="actions='best'"):
-        agents.evaluate("msprt", "hybrid_env:HybridTrack-v0", episodes=2, actions="best")

@@ -54,10 +54,10 @@ def test_known_switch_moments(name, bank, follow):
         ("aircraft", "anchor_aware", True),
     ],
 )
-def test_recalculated_and_refined_estimates(name, bank, refined):
+def test_refined_estimates(name, bank, refined):
     options = {"radii": (3.0, 5.0)} | COMMON[name]
     decided = same_as_announced(
-        MSPRTDecider(0.3), seed=4, bank=bank, recalculation=True, refine_radius=refined, **options
+        MSPRTDecider(0.3), seed=4, bank=bank, refine_radius=refined, **options
     )
 
     assert not all(forced for _, forced in decided)
@@ -74,13 +74,3 @@ def test_segments_that_end_undecided(undecided, follow):
     decided = same_as_announced(FixedTimeDecider(1000), seed=0, undecided=undecided, follow=follow)
     assert all(forced for _, forced in decided)
     assert ({mode for mode, _ in decided} == {0}) == (undecided == "keep")
-
-
-def test_the_action_that_declares_the_likeliest_hypothesis():
-    class BestAt20:
-        def predict(self, observation, state=None, episode_start=None, deterministic=True):
-            return (observation[:, -10] > 0.195).astype(int), None
-
-    decided = same_as_announced(BestAt20(), seed=5, actions="best", reset_covariance=False)
-
-    assert not any(forced for _, forced in decided)

@@ -52,14 +52,8 @@ DIGESTS = [
         id="fixed scheme",
     ),
     pytest.param(
-        {
-            "reset_covariance": False,
-            "speed": 7.0,
-            "tau": 0.05,
-            "process_variance": 0.01,
-            "actions": "best",
-        },
-        "b7e3a68f6861a82bcff4d662de10795e665fb1f4c2406e16354a8d307a8c0441",
+        {"reset_covariance": False, "speed": 7.0, "tau": 0.05, "process_variance": 0.01},
+        "8ff830a2b3dc316079521233ab0e7b70d44591fe646f3effbf163e6c8456fbf3",
         id="kept covariance",
     ),
     pytest.param(
