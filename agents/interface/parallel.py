@@ -7,6 +7,7 @@ number of processes, on their order or on their machines.
 import os
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import islice
 from typing import Annotated, Any, Literal, TypeVar
 
 import joblib
@@ -23,6 +24,8 @@ Call = Callable[[], Any]
 Name = TypeVar("Name", bound=Hashable)
 # Of the calls of lost workers; more losses mean that a call itself ends its worker.
 LARGEST_RETRIES = 3
+# Calls that a Ray cluster has at a time: enough for the workers of some machines.
+WINDOW = 1_000
 
 
 @dataclass(kw_only=True)
@@ -111,10 +114,13 @@ def _ray(calls: Mapping[Name, Call], jobs: int) -> Iterator[tuple[Name, Any]]:
             log_to_driver=False, runtime_env={"env_vars": threads}, logging_level="error", **local
         )
     task = ray.remote(max_retries=LARGEST_RETRIES, num_cpus=1)(_in_worker)
-    running = [task.remote(*call, trusted()) for call in calls.items()]
+    waiting = (task.remote(*call, trusted()) for call in calls.items())
+    # A wait takes as long as there are calls that run.
+    running = [*islice(waiting, WINDOW)]
     try:
         while running:
             (done,), running = ray.wait(running)
+            running += islice(waiting, 1)
             yield ray.get(done)
     except ray.exceptions.RayTaskError as error:
         raise error.cause from None
