@@ -2,6 +2,7 @@
 one line.
 """
 
+import ast
 import contextlib
 import dataclasses
 import functools
@@ -12,14 +13,15 @@ import re
 import sys
 import warnings
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
 import tyro
 
+from agents import commands
 from agents.commands import COMMANDS, EXAMPLES
-from agents.interface.help_texts import ENV_HELP, description, grouped, parse_flags
-from agents.interface.world_arguments import trusting
+from agents.interface.help_texts import ENV_HELP, description, parse_flags
 from hybrid_env.checks import ArgumentError, check_fields, unknown
 
 PROGRAM = "hybridtrack"
@@ -40,6 +42,13 @@ def command_class(name: str) -> Any:
     return getattr(importlib.import_module(f"agents.commands.{name}"), name.title())
 
 
+def command_docstring(name: str) -> str | None:
+    """Return the docstring of the class of a command from its source: the commands load slowly."""
+    source = Path(commands.__file__).with_name(f"{name}.py").read_text(encoding="utf-8")
+    classes = (node for node in ast.parse(source).body if isinstance(node, ast.ClassDef))
+    return next(ast.get_docstring(node) for node in classes if node.name == name.title())
+
+
 def parse(arguments: Sequence[str]) -> Any:
     """Return the command of command-line arguments, ready to run."""
     name = arguments[0] if arguments else ""
@@ -51,8 +60,8 @@ def parse(arguments: Sequence[str]) -> Any:
     words = "Quickest decisions on motion modes with classical rules and learned agents."
     kinds: dict[str, Any] = {}
     for name in COMMANDS:
-        kinds[name] = grouped(command_class(name))
-        kinds[name].__doc__ = description(command_class(name))
+        kinds[name] = dataclasses.make_dataclass(name, ())
+        kinds[name].__doc__ = description(command_docstring(name))
     return tyro.extras.subcommand_cli_from_dict(
         kinds, prog=PROGRAM, args=arguments, description=words
     )
@@ -148,6 +157,8 @@ def _run(
             print("examples:" + examples.replace("\n", "\n  "))
         return int(stop.code or 0)
     check_fields(command)
+    from agents.interface.world_arguments import trusting
+
     with warnings.catch_warnings(), trusting(getattr(command, "trust", False)):
         warnings.showwarning = lambda message, *_: report(f"warning: {message}")
         try:

@@ -5,14 +5,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 import tyro
-from matplotlib import colormaps
-from matplotlib.colors import to_hex
-from matplotlib.figure import Figure
-from matplotlib.patches import Patch
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -26,6 +22,9 @@ from agents.interface.progress import print_lines
 from baselines.recordings.reading.names import SECONDS, columns_by_role
 from baselines.scoring.score import TimelineScores, score
 from hybrid_env.checks import IntArray, reject
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(kw_only=True)
@@ -206,10 +205,14 @@ def score_tables(result: TimelineScores, per: str) -> list[Table]:
     return tables
 
 
-def score_figure(result: TimelineScores) -> Figure:
+def score_figure(result: TimelineScores) -> "Figure":
     """Return a picture of truth and statements over time on the first tracks; wrong ones are
     hatched.
     """
+    from matplotlib import colormaps
+    from matplotlib.colors import to_hex
+    from matplotlib.patches import Patch
+
     # In the picture.
     tracks = min(result.tracks, 4)
     canvas = new_canvas((10.0, 0.8 + tracks * (0.6 + 0.3 * (1 + len(result.timelines)))))

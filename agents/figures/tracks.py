@@ -4,12 +4,9 @@ deciders.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
-from matplotlib.patches import Patch
 from numpy.typing import ArrayLike
 
 from agents.figures.canvas import DARK_GREY, GREY, legend_beside, new_canvas, plain_axes
@@ -17,6 +14,10 @@ from agents.figures.decider_colours import decider_styles
 from hybrid_env.checks import BoolArray, IntArray
 from hybrid_env.rendering.evidence import Modes, listed, mode_colour, mode_name
 from hybrid_env.rendering.history import History
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Patch
 
 # In place of a mode at ticks before a declaration.
 UNDECIDED = -1
@@ -43,10 +44,13 @@ class TrackRecord:
     summary: str
 
 
-def track_figure(records: Sequence[TrackRecord], modes: Modes, title: str) -> Figure:
+def track_figure(records: Sequence[TrackRecord], modes: Modes, title: str) -> "Figure":
     """The track by its modes, estimates and decisions of one or two deciders, and their modes
     over time; modes: of the bank, or the radii of their turns [m].
     """
+    from matplotlib.collections import LineCollection
+    from matplotlib.patches import Patch
+
     canvas = new_canvas((12, 8))
     track, timeline = canvas.subplots(2, 1, height_ratios=(3, 0.5 + 0.3 * len(records)))
     first = records[0]
@@ -140,6 +144,8 @@ def draw_timelines(
     axes.spines[["top", "right", "left"]].set_visible(False)
 
 
-def wrong_patch(label: str) -> Patch:
+def wrong_patch(label: str) -> "Patch":
     """Return the entry of the legend for hatched bars."""
+    from matplotlib.patches import Patch
+
     return Patch(facecolor="0.6", edgecolor="white", hatch="xxx", label=label)

@@ -9,8 +9,6 @@ from typing import Annotated, Any
 import tyro
 from docstring_parser import parse_from_object
 
-from baselines.rules.decider import ANNOUNCED, UNKNOWN, rules
-
 # Title of the group of the flags of the environment, and the flag that lists them.
 ENVIRONMENT = "environment"
 ENV_HELP = "--env-help"
@@ -37,7 +35,7 @@ def parse_flags(kind: Any, program: str, arguments: Sequence[str]) -> Any:
             grouped(kind, asks_usual, asks_environment),
             prog=program,
             args=["--help"] if asks_environment else arguments,
-            description=description(kind),
+            description=description(kind.__doc__),
             # A flag is left out, not given as "None".
             config=(tyro.conf.DisallowNone,),
         )
@@ -47,9 +45,9 @@ def parse_flags(kind: Any, program: str, arguments: Sequence[str]) -> Any:
     return kind(**values)
 
 
-def description(kind: type) -> str:
+def description(docstring: str | None) -> str:
     """Return the docstring of a command as paragraphs without line breaks."""
-    return "\n\n".join(" ".join(text.split()) for text in (kind.__doc__ or "").split("\n\n"))
+    return "\n\n".join(" ".join(text.split()) for text in (docstring or "").split("\n\n"))
 
 
 @functools.cache
@@ -104,6 +102,9 @@ def _shown_flags(kind: Any) -> dict[str, Any]:
     "{announced}" and "{unknown}" in a docstring stand for the names of
     the rules of a task.
     """
+    # The rules load slowly; a command that does not exist is refused without them.
+    from baselines.rules.decider import ANNOUNCED, UNKNOWN, rules
+
     texts = field_texts(kind)
     for task in (ANNOUNCED, UNKNOWN):
         names = ", ".join(f"'{name}'" for name in rules(task))
