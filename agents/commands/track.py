@@ -3,7 +3,7 @@
 import functools
 import json
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
@@ -21,12 +21,14 @@ from agents.interface.output_files import atomic_folder, write_json
 from agents.interface.parallel import Workers
 from agents.interface.progress import print_lines, progress_display
 from agents.interface.world_arguments import TrustArguments
-from agents.recordings.figure import draw_recording
 from agents.recordings.tracking import TrackedRecording, TrackingArguments
 from baselines.recordings.reading.names import GIVEN_ROLES, columns_by_role
 from hybrid_env.checks import ArgumentError, Count, Positive, reject
 from hybrid_env.limits import Quantity
 from hybrid_env.sensors import parse_sensors
+
+# Of a table, that are written together.
+ROWS = 100_000
 
 Report: TypeAlias = tuple[list[str], list[Table], str]
 """What was read and found of a file, in lines; for a single one also its pieces and where the
@@ -95,6 +97,8 @@ class Track(TrackingArguments, TrustArguments):
     """
     png: bool | None = None
     """Write track.png; by default with up to 20 files."""
+    parquet: bool = False
+    """Write estimates.parquet in place of estimates.csv."""
     html: bool = False
     """Write track.html, a map in which time, mode and probability can be read. Needs the extra
     'html'.
@@ -163,14 +167,18 @@ class Track(TrackingArguments, TrustArguments):
         import pandas as pd
 
         folder.mkdir(exist_ok=True)
-        tables = {"modes.csv": tracked.piece_table(), "estimates.csv": tracked.row_table()}
-        for name, columns in tables.items():
-            table = pd.DataFrame(columns)
-            # A spreadsheet would calculate a name such as =1+1.
-            table["object"] = table["object"].str.replace(r"^(?=[=+\-@|])", "'", regex=True)
-            table.to_csv(folder / name, index=False, na_rep="nan", lineterminator="\n")
+        # A spreadsheet would calculate a name such as =1+1.
+        name = re.sub(r"^(?=[=+\-@|])", "'", tracked.recording.name)
+        pieces = pd.DataFrame(tracked.piece_table() | {"object": name})
+        pieces.to_csv(folder / "modes.csv", index=False, na_rep="nan", lineterminator="\n")
+        rows = tracked.row_table()
+        rows["object"] = [name] * len(rows["object"])
+        write_rows(folder / ("estimates.parquet" if self.parquet else "estimates.csv"), rows)
         write_json(folder / "track.json", tracked.settings())
         if self.png:
+            # Matplotlib; other commands start faster.
+            from agents.recordings.figure import draw_recording
+
             draw_recording(tracked).savefig(folder / "track.png")
         if self.html or self.geojson or self.gpx:
             from agents.recordings import maps
@@ -211,6 +219,32 @@ class Track(TrackingArguments, TrustArguments):
             shown = ", ".join(map(str, folders))
             raise reject("files", shown, "files with output folders of different names")
         return folders
+
+
+def write_rows(path: Path, columns: Mapping[str, Any]) -> None:
+    """Write a table of n rows as Parquet, or as CSV to a path that ends so. columns: (n,) values of
+    each by its name; a text that is empty is a cell without a value.
+    """
+    import pyarrow as pa
+    import pyarrow.csv
+    import pyarrow.parquet
+
+    csv = path.suffix == ".csv"
+
+    def part(first: int) -> Any:
+        table = {}
+        for name, column in columns.items():
+            values = np.asarray(column[first : first + ROWS])
+            # Arrow would write true and false.
+            if values.dtype == object or (csv and values.dtype == bool):
+                values = values.astype(str)
+            table[name] = pa.array(values, mask=values == "" if values.dtype.kind == "U" else None)
+        return pa.table(table)
+
+    kind = pyarrow.csv.CSVWriter if csv else pyarrow.parquet.ParquetWriter
+    with kind(path, part(0).schema) as writer:
+        for first in range(0, len(columns["t"]), ROWS):
+            writer.write_table(part(first))
 
 
 def report_lines(tracked: TrackedRecording) -> list[str]:

@@ -129,7 +129,7 @@ def read_modes(
 
 def _read_folder(folder: Path, **options: Any) -> ModeFile:
     """Read the results in a folder."""
-    paths = sorted(folder.rglob("estimates.csv"))
+    paths = sorted(folder.rglob("estimates.*"))
     if not paths:
         raise reject("file", str(folder), "a folder with estimates.csv of hybridtrack track")
     result = ModeFile({}, {})

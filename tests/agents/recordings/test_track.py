@@ -1,5 +1,6 @@
 """The command `hybridtrack track`: its files, many at a time, and existing results."""
 
+from io import StringIO
 from xml.etree import ElementTree
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from recorded_tracks import OBJECTS
 
 from agents.cli import main
+from agents.commands import track
 from agents.commands.track import Track, object_folders, work_on_files
 from agents.recordings.tracking import track_recording
 from baselines.recordings.reading.modes import read_modes
@@ -44,13 +46,30 @@ def test_rows_have_modes_probabilities_estimates_and_covariances(drive):
     table = pd.read_csv(drive.parent / "drive_track" / "estimates.csv")
     given = pd.read_csv(drive)
 
-    pd.testing.assert_frame_equal(table[["t", "x", "y"]], given)
+    pd.testing.assert_frame_equal(table[["t", "x", "y"]], given, check_dtype=False)
     expected = track_recording(given["t"], given[["x", "y"]])
     assert (table["mode"] == np.array(["S", "L", "R"])[expected.modes]).all()
     np.testing.assert_allclose(table[["p_S", "p_L", "p_R"]], expected.probabilities)
     state = ["estimate_x", "estimate_vx", "estimate_y", "estimate_vy"]
     np.testing.assert_allclose(table[state], expected.estimates)
     np.testing.assert_allclose(table["cov_vx_y"], expected.covariances[:, 1, 2])
+
+
+def test_rows_are_the_same_in_parts_and_in_a_parquet_file(drive, monkeypatch):
+    Track(files=(drive,), png=False).run()
+    monkeypatch.setattr(track, "ROWS", 100)
+    for parquet in (False, True):
+        out = drive.parent / f"{parquet}"
+        Track(files=(drive,), png=False, parquet=parquet, out=out).run()
+    text = (drive.parent / "drive_track" / "estimates.csv").read_text()
+    table = pd.read_csv(StringIO(text))
+
+    assert text == (drive.parent / "False" / "estimates.csv").read_text()
+    assert set(table["decided"]) == {True}
+    rows = pd.read_parquet(drive.parent / "True" / "estimates.parquet")
+    pd.testing.assert_frame_equal(rows.astype(table.dtypes), table, check_exact=True)
+    assert rows["decided"].dtype == bool
+    assert read_modes(drive.parent / "True").modes == {"drive": table["mode"].tolist()}
 
 
 ROWS = 60
