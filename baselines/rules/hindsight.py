@@ -107,7 +107,7 @@ def smooth_modes(
     ([0, 1], True)
     """
     values = np.asarray(measurements, float)
-    columns = 9 if values.ndim == 2 and values.shape[1] == 9 else 2
+    columns = 9 if options.sensors and values.shape[1:] == (9,) else 2
     values = check_array("measurements", values, (None, columns), missing=True)
     measured = ~np.isnan(values[:, 0])
     if not (measured[:1].all() and measured.any()) and start is None:

@@ -125,3 +125,10 @@ def test_what_the_model_makes_improbable_has_happened_after_what_was_probable():
 def test_a_track_without_a_first_position_is_refused():
     with pytest.raises(ArgumentError, match=r"measurements=.*first row"):
         smooth_modes([[np.nan, np.nan], [1.0, 2.0]], OPTIONS)
+
+
+def test_covariances_without_a_sensor_to_read_them_are_refused():
+    values = np.full((5, 9), np.nan)
+    values[:, :5] = [0.0, 0.0, 1.0, 0.0, 1.0]
+    with pytest.raises(ArgumentError, match="measurements"):
+        smooth_modes(values, OPTIONS)
