@@ -38,8 +38,8 @@ class Flights:
     HybridTrackQuickest-v0, whose deciders are then compared.
     """
     deciders: tuple[str, ...] = ()
-    """The first is the reference. Native: imm, cusum, beam, agent with an optional ':threshold',
-    or the folder of an agent. Semi-real: those of HybridTrackQuickest-v0.
+    """The first is the reference. Native: imm, cusum, beam, hindsight, agent with an optional
+    ':threshold', or the folder of an agent. Semi-real: those of HybridTrackQuickest-v0.
     """
     quick: bool = False
     """Short simulated flights instead of the recorded ones."""

@@ -16,6 +16,7 @@ from hybrid_env import ArgumentError
 from studies.flights.agent import FlightAgent
 from studies.flights.figure import flight_figure
 from studies.flights.flight import SCORED, TIERS, Flight, stack_flights
+from studies.flights.hindsight import HINDSIGHT
 from studies.flights.labels import Labels, Pair, label_flights
 from studies.flights.rules import RULES
 from studies.flights.samples import sample_flight
@@ -24,8 +25,10 @@ from studies.flights.semi_real import WORLD, semi_real_flight, state_semi_real
 from studies.flights.simulated import FlightWorld, simulate_flight, twin
 from studies.flights.turns import IntArray, TurnModel, run_turn_imm
 
+DECIDERS = RULES | {"hindsight": HINDSIGHT}
+"""All rules by name."""
 COMPARED = {
-    "native": ("imm", "imm:0.8", "cusum", "beam", "agent:8", "agent"),
+    "native": ("imm", "imm:0.8", "cusum", "beam", "hindsight", "agent:8", "agent"),
     "semi-real": ("threshold", "beam", "beam-geometric", "shipped"),
 }
 """Deciders that are compared by default in each form, the reference first."""
@@ -57,7 +60,7 @@ def find(name: str, form: str) -> Any:
     if form == "semi-real":
         return load(name, "hybrid_env:HybridTrackQuickest-v0", start=WORLD.start)
     base, colon, number = name.partition(":")
-    rule = RULES[base] if base in RULES else FlightAgent.rule(base, RULES)
+    rule = DECIDERS[base] if base in DECIDERS else FlightAgent.rule(base, DECIDERS)
     try:
         return rule, [(float(number),) * len(rule.grid[0])] if colon else rule.grid[:1]
     except ValueError:
@@ -120,7 +123,7 @@ def state_modes(
     batch = stack_flights(flights)
     imm = run_turn_imm(batch, TurnModel())
     return {
-        name: batch.unstack(rule.statements(batch, imm, settings, TurnModel()))
+        name: batch.unstack(rule.statements(batch, imm, settings, rule.models[0]))
         for name, (rule, settings) in deciders.items()
     }
 

@@ -15,6 +15,7 @@ from studies.filters.motion_models import MotionModel
 from studies.filters.run_filter import run_filter
 from studies.flights.__main__ import Flights
 from studies.flights.flight import TIERS, Flight, stack_flights
+from studies.flights.hindsight import HINDSIGHT, HindsightRule, turn_options
 from studies.flights.labels import LEFT, RIGHT, STRAIGHT, label_flights, spans
 from studies.flights.samples import sample_flight
 from studies.flights.scores import score_flights, value
@@ -117,6 +118,31 @@ def test_the_beam_has_all_histories_of_a_few_positions():
     np.testing.assert_allclose(probabilities, weights / weights.sum(), atol=0.01)
 
 
+@pytest.mark.parametrize("radii", [True, False])
+def test_hindsight_finds_when_known_turns_begin_and_end(flight, radii):
+    (model,) = HINDSIGHT.models
+    batch = stack_flights([flight])
+    stated = HindsightRule(radii=radii).statements(batch, None, [(1.0,), (0.5,), (1.0,)], model)
+    rows, modes = zip(*spans(stated[:, 0, 0], flight.pieces), strict=True)
+
+    assert modes == (STRAIGHT, LEFT, STRAIGHT, RIGHT, STRAIGHT)
+    firsts = flight.times[[part.start for part in rows]]
+    np.testing.assert_allclose(firsts, [0, 200, 245, 365, 425], atol=3.0)
+    np.testing.assert_array_equal(stated[..., 0], stated[..., 2])
+
+
+@pytest.mark.parametrize("radii", [True, False])
+def test_hindsight_has_the_modes_and_changes_of_the_filter(radii):
+    model = TurnModel(rates=(0.0, 2.0, -2.0, 3.0))
+    options = turn_options(model, 80.0, radii)
+
+    changes = np.eye(4) + model.generator
+    np.testing.assert_allclose(options.transition_matrix, changes, atol=1e-6)
+    if radii:
+        signed = 80.0 / np.radians(model.rates[1:])
+        np.testing.assert_allclose(options.motions["signed_radius"][1:], signed)
+
+
 def test_deciders_of_the_environment_read_flights():
     # With hardly any noise or jitter, so that the truth is known.
     world = FlightWorld(jitter=1e-6, wander=1e-9, rates=(0.039, 0.041), speeds=(89.0, 91.0))
@@ -130,7 +156,7 @@ def test_deciders_of_the_environment_read_flights():
 
 
 def test_the_quick_form_prints_tables_and_writes_pictures(tmp_path, capsys):
-    names = ("imm", "imm:0.8", "cusum", "beam", "agent:8")
+    names = ("imm", "imm:0.8", "cusum", "beam", "hindsight", "agent:8")
     line = ["--quick", "--out", str(tmp_path), "--deciders", *names]
     assert not run_command(Flights, "flights", line)
     tiers = json.loads((tmp_path / "flights.json").read_text())["tiers"]
