@@ -13,8 +13,8 @@ from hybrid_env import ArgumentError
 from studies.gliders.logs import EXPECTED
 from studies.gliders.report import picture, report
 from studies.gliders.study import (
+    AFTER_SEAL,
     DECIDERS,
-    FOR_DELAYS,
     compare_rule,
     find_rule,
     quick_halves,
@@ -58,7 +58,7 @@ class Gliders:
         settings: dict[str, Any] = {}
         if self.sealed:
             settings = unbroken_seal(SEAL)["settings"]
-            if unknown := set(names) - set(settings["5"]) - set(FOR_DELAYS):
+            if unknown := set(names) - set(settings["5"]) - set(AFTER_SEAL):
                 raise ArgumentError(f"deciders: the seal has no settings of {', '.join(unknown)}")
         if self.quick:
             flights = copies = quick_halves()

@@ -17,6 +17,7 @@ from studies.flights.scores import STATISTICS, score_flights
 from studies.flights.turns import IntArray, run_turn_imm
 from studies.gliders.agent import GliderAgent
 from studies.gliders.circling import air_motion, decode, label_glider
+from studies.gliders.hindsight import HINDSIGHT
 from studies.gliders.logs import HALVES, SEALED, glider_flight, read_logs
 from studies.gliders.rules import RULES
 from studies.gliders.simulated import label_gliders, simulate_glider
@@ -25,9 +26,11 @@ LEVELS = (2.0, 5.0, 8.0)
 """False changes an hour at which rules are compared; the middle one is that of the pictures."""
 FOR_DELAYS = {"imm-delays": RULES["imm"], "imm-climb-delays": RULES["imm-climb"]}
 """Rules at the setting with the smallest delays, where other rules have that with the best
-agreement. They came after the seal.
+agreement.
 """
-DECIDERS = RULES | FOR_DELAYS
+AFTER_SEAL = FOR_DELAYS | HINDSIGHT
+"""Rules of whose settings the seal knows nothing."""
+DECIDERS = RULES | AFTER_SEAL
 """All rules by name; the first is the reference."""
 
 
@@ -147,7 +150,7 @@ def compare_rule(
         for half in (*HALVES, SEALED):
             others = [k for k, other in enumerate(halves) if other not in (half, SEALED)]
             best[half] = select(swept, others, level, name in FOR_DELAYS)
-        if sealed and name not in FOR_DELAYS:
+        if sealed and name not in AFTER_SEAL:
             _, model, numbers = sealed[f"{level:g}"][name]
             best[SEALED] = settings.index(Setting(name, model, tuple(numbers)))
     columns = {level: [best[half] for half in halves] for level, best in chosen.items()}

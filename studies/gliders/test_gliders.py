@@ -20,6 +20,7 @@ from studies.gliders import __main__ as command
 from studies.gliders import logs, study
 from studies.gliders.circles import Circles
 from studies.gliders.circling import air_motion, circles, decode
+from studies.gliders.hindsight import HINDSIGHT
 from studies.gliders.report import report
 from studies.gliders.rules import MODELS, RULES
 from studies.gliders.simulated import decode_fast, simulate_glider, turns_fast
@@ -114,6 +115,17 @@ def test_the_rule_of_xcsoar_at_several_settings_is_a_literal_loop():
     np.testing.assert_array_equal(
         stated, [list(literal_xcsoar(turns, *setting)) for setting in settings]
     )
+
+
+@pytest.mark.parametrize("name", HINDSIGHT)
+def test_rules_that_see_the_whole_flight_find_circles_and_their_sides(name):
+    modes, *track = fly(5)
+    _, flight = read(*track)
+    rule = HINDSIGHT[name]
+    batch = stack_flights([flight])
+    stated = rule.statements(batch, run_turn_imm(batch, MODELS[0]), rule.grid, rule.models[0])
+
+    assert (stated[:, 0, 0] == modes).mean() > 0.95
 
 
 def test_a_short_training_gives_an_agent_with_several_settings(tmp_path, monkeypatch):
