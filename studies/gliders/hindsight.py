@@ -4,28 +4,33 @@ from dataclasses import replace
 
 import numpy as np
 
-from studies.flights.flight import TIERS, Flight
+from studies.flights.flight import Flight, Tier
 from studies.flights.hindsight import HindsightRule
 from studies.flights.labels import window_sums
 from studies.flights.rules import Settings, TurnRule, begun
 from studies.flights.turns import LEFT, RIGHT, STRAIGHT, Batch, IntArray, TurnEstimates
-from studies.gliders.rules import MODELS, ground_turns
+from studies.gliders.circling import air_motion
+from studies.gliders.rules import MODELS
 from studies.gliders.simulated import decode_fast, turns_fast
 
 
 def by_viterbi(batch: Batch, estimates: TurnEstimates, settings: Settings) -> IntArray:
-    """State what the decoder of libigc says, as `decode_fast` has it, with the side to which the
-    ground track turned in a time about each position [s].
+    """State what the decoder of libigc says, as `decode_fast` has it, with the side of the mean
+    turn rate of rule a in a time about each position [s].
     """
     stated = begun(batch, settings)
-    turned = ground_turns(batch)[:, 1, :, 0]
-    for piece, rows in enumerate(batch.present.T):
-        times = batch.times[rows, piece]
-        flight = Flight("", TIERS["A"], times, batch.positions[rows, piece])
-        circling = decode_fast(turns_fast(flight)[:, None]) == 1
+    flights = [
+        Flight("", Tier("", across, timing), batch.times[rows, piece], batch.positions[rows, piece])
+        for piece, (rows, across, timing) in enumerate(
+            zip(batch.present.T, batch.across.tolist(), batch.timing.tolist(), strict=True)
+        )
+    ]
+    for piece, (flight, motion) in enumerate(zip(flights, air_motion(flights), strict=True)):
+        circling = decode_fast(turns_fast(flight)[:, None])[:, 0] == 1
         for column, (window,) in enumerate(settings):
-            side = np.where(window_sums(times, window, turned[rows, piece]) > 0.0, LEFT, RIGHT)
-            stated[rows, piece, column] = np.where(circling[:, 0], side, STRAIGHT)
+            side = np.where(window_sums(flight.times, window, motion.rates) > 0.0, LEFT, RIGHT)
+            states = np.where(circling, side, STRAIGHT)
+            stated[: len(states), piece, column] = states
     return stated
 
 
