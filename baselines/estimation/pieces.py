@@ -273,11 +273,13 @@ def _compare(
     count = len(pieces)
     for k in range(1, count):
         begin, end = pieces[k, 0], pieces[k, 1]
+        # All ways are the same of what is no turn.
+        ways = len(gradual) if segments.curvatures[k] != 0.0 else 1
         x, P = states[k].copy(), covariances[k].copy()
         before = 0.0
         # The begin itself is always compared.
         for now in range(firsts[k], max(begin + 1, min(begin + REACH + 1, end - 1))):
-            for g in range(len(gradual)):
+            for g in range(ways):
                 log_likelihood = before
                 y, V = x, P
                 whole = now + gradual[g]
@@ -290,7 +292,7 @@ def _compare(
                     seen = measurements[tick]
                     y, V, _, _, more = _correct(y, V, seen, noises[tick], freedom, inverse)
                     log_likelihood += more
-                log_likelihoods[k, g, now - begin + REACH] = log_likelihood
+                log_likelihoods[k, g:, now - begin + REACH] = log_likelihood
             # The piece before goes on.
             x, P = _predict(x, P, A, k - 1, segments)
             x, P, _, _, more = _correct(x, P, measurements[now], noises[now], freedom, inverse)

@@ -29,7 +29,7 @@ from hybrid_env.limits import MAX_LENGTH
 from hybrid_env.quickest_options import QuickestOptions
 
 # Nodes, groups and weights that are not kept.
-NOTHING = tuple(np.zeros((0, 0, 0), kind) for kind in (np.int64, np.uint16, np.float32))
+NOTHING = tuple(np.zeros((0, 0, 0), kind) for kind in (np.int32, np.uint16, np.float32))
 
 
 class BeamState(NamedTuple):

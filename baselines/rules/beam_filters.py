@@ -398,7 +398,7 @@ class Walk(NamedTuple):
     # Number of the first of the ticks.
     first: int
     # (T, N, B) last segment of each branch, see `HISTORY`, times `groups_of`, plus the group of its
-    # parents.
+    # parents. The tick of its begin is counted from the present one.
     nodes: AnyArray
     # (T, N, B) groups of the branches.
     groups: AnyArray
@@ -489,8 +489,8 @@ def walk_branches(
             _group(branches, track, model)
         for b in range(kept if walk.nodes.size > 0 else 0):
             history = branches.histories[track, b]
-            node = history.segments[0] * groups_of(capacity, model) + history.parents
-            walk.nodes[tick, track, b] = node
+            begun = history.segments[0] - number * model.motions.size
+            walk.nodes[tick, track, b] = begun * groups_of(capacity, model) + history.parents
             walk.groups[tick, track, b] = history.group
             log_weight = branches.filters[track, b // LANES].log_likelihood[b % LANES]
             walk.weights[tick, track, b] = math.exp(log_weight)

@@ -136,7 +136,9 @@ def smooth_modes(
         most = max(most, min(LARGEST, NODES // len(values)))
         model = model._replace(depth=DEPTH)
     lattice = walk_lattice(values, starts, ends, most, model)
-    probabilities = smooth_lattice(lattice, model)
+    probabilities, log_likelihood = smooth_lattice(lattice, model), lattice.evidence
+    # It is larger than all else of a long recording.
+    del lattice
     worth = probabilities @ worth_of(options.motions)
 
     def decided() -> tuple[IntArray, IntArray]:
@@ -170,7 +172,7 @@ def smooth_modes(
             smoothed = smoother.smooth(pieces)
     # An object that stands has no speed, also where its position drifts.
     smoothed[2][stands[modes], :2] = 0.0
-    return SmoothedModes(modes, probabilities, pieces, moments, *smoothed, lattice.evidence)
+    return SmoothedModes(modes, probabilities, pieces, moments, *smoothed, log_likelihood)
 
 
 def beam_of(

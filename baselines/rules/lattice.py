@@ -16,7 +16,6 @@ models", on nodes that merge as in the interacting multiple model smoother, Helm
 1995.
 """
 
-from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -47,7 +46,7 @@ class Lattice(NamedTuple):
     """The nodes that are probable at T ticks, from the measurements up to each.
 
     Those of tick k are at `offsets[k]` up to `offsets[k + 1]`; the numbers of nodes are those of
-    `beam_filters.Walk`.
+    `beam_filters.Walk`, counted from the tick.
     """
 
     # Number of the first of the ticks.
@@ -120,7 +119,7 @@ class LatticeWalk:
             ends: (T,) as of `Lattice`; that of the first tick of the track is 0.
         """
         shape = len(measurements), 1, self.branches.histories.shape[1]
-        arrays = [np.zeros(shape, kind) for kind in (np.int64, np.uint16, np.float32)]
+        arrays = [np.zeros(shape, kind) for kind in (np.int32, np.uint16, np.float32)]
         walk = Walk(measurements[:, None], ends, self.ticks, *arrays)
         arguments = *self.memory, walk, self.log_probability, self.model
         run_compiled(walk_branches, self.branches, *arguments)
@@ -128,14 +127,17 @@ class LatticeWalk:
         probable = walk.weights > SMALLEST
         return [probable.sum((1, 2)), *(values[probable] for values in arrays)]
 
-    def lattice(self, parts: Iterable[Sequence[AnyArray]], ends: FloatArray) -> Lattice:
+    def lattice(self, parts: list[list[AnyArray]], ends: FloatArray) -> Lattice:
         """Return the lattice of the last ticks.
 
         Args:
-            parts: of the ticks, as returned by `extend`.
+            parts: of the ticks, as returned by `extend`; they are emptied, because they and the
+                lattice of a long recording together would need twice the memory.
             ends: (T,) as of `Lattice`.
         """
-        counts, nodes, groups, weights = map(np.concatenate, zip(*parts, strict=True))
+        counts, nodes, groups, weights = (
+            np.concatenate([part.pop(0) for part in parts]) for _ in range(4)
+        )
         return Lattice(
             self.ticks - len(ends),
             np.append(0, np.cumsum(counts)),
@@ -185,15 +187,16 @@ def _smooth(
     ticks = offsets.size - 1
     modes = model.motions.size
     # Probability of each node that lives at the present tick, and begins in the ticks.
-    alive = np.zeros(ticks * modes * most)
-    earlier = first * modes * most
+    kinds = modes * most
+    alive = np.zeros(ticks * kinds)
     now = np.zeros(modes)
     total = 0.0
     for j in range(offsets[ticks - 1], offsets[ticks]):
         total += weights[j]
     for j in range(offsets[ticks - 1], offsets[ticks]):
-        if nodes[j] >= earlier:
-            alive[nodes[j] - earlier] += weights[j] / total
+        node = nodes[j] + (ticks - 1) * kinds
+        if node >= 0:
+            alive[node] += weights[j] / total
         now[nodes[j] // most % modes] += weights[j] / total
     for k in range(ticks - 1, -1, -1):
         for mode in range(modes):
@@ -201,8 +204,8 @@ def _smooth(
         if k == 0:
             break
         shares = np.empty(offsets[k] - offsets[k - 1])
-        for kind in range(modes * most):
-            begun = alive[k * modes * most + kind]
+        for kind in range(kinds):
+            begun = alive[k * kinds + kind]
             if begun == 0.0:
                 continue
             mode = kind // most
@@ -213,9 +216,9 @@ def _smooth(
                     continue
                 segment = nodes[offsets[k - 1] + j] // most
                 parent = segment % modes
-                begin = segment // modes
-                row = FIRST if begin == 0 else LATER
-                hazard = hazard_at(row, parent, first + k - begin, ends[k], model)
+                age = 1 - segment // modes
+                row = FIRST if age == first + k else LATER
+                hazard = hazard_at(row, parent, age, ends[k], model)
                 shares[j] = weights[offsets[k - 1] + j] * hazard * model.order[parent, mode]
                 total += shares[j]
             if total == 0.0:
@@ -226,9 +229,9 @@ def _smooth(
             now[mode] -= begun
             for j in range(shares.size):
                 if shares[j] > 0.0:
-                    node = nodes[offsets[k - 1] + j]
-                    if node >= earlier:
-                        alive[node - earlier] += begun * shares[j] / total
+                    node = nodes[offsets[k - 1] + j] + (k - 1) * kinds
+                    if node >= 0:
+                        alive[node] += begun * shares[j] / total
                     now[node // most % modes] += begun * shares[j] / total
 
 
