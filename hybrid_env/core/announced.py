@@ -319,14 +319,7 @@ def tick(
 
 @internal
 def write_rows(
-    b: int,
-    block: Any,
-    bank: Any,
-    first: int,
-    last: int,
-    begun: int,
-    setting: Any,
-    rare: bool | None,
+    b: int, block: Any, bank: Any, first: int, last: int, begun: int, setting: Any
 ) -> None:
     """Write the rows of lanes first .. last - 1 of block b, and which declarations count. begun:
     one bit per lane, 1 where a segment begins.
@@ -342,7 +335,7 @@ def write_rows(
             mask_declarations(arrays.action_mask[b * LANES + lane], scratch, lane, setting)
     for lane in range(first, last):
         row = arrays.observations[b * LANES + lane]
-        if rare is not None and setting.observation != BANK_ROW:
+        if setting.observation != BANK_ROW:
             write_twin(row, block, lane, bank, setting)
             continue
         if begun & (1 << lane):
@@ -389,6 +382,6 @@ def advance_live(begins: bool, bank_class: type, setting: Any) -> int:
         modes = bank.hypotheses.size
         step_filters(bank, 0, modes, lane, last, block, arrays.sensors, setting, True)
         begun = 1 if block.tick[0] == 1 else 0
-        write_rows(0, block, bank, lane, last, begun, setting, None)
+        write_rows(0, block, bank, lane, last, begun, setting)
     set_anchor(block, lane, bank, setting.merged)
     return 0

@@ -68,5 +68,5 @@ def advance(reset: bool, process: Any, bank_class: type, setting: Any, rare: boo
             if moved & (1 << first):
                 start = np.uint64(first)
                 stop = np.uint64(lanes if all_moved else first + 1)
-                process.write_rows(b, block, bank, start, stop, begun, setting, rare)
+                process.write_rows(b, block, bank, start, stop, begun, setting)
     return events & (DECIDED | TERMINATED)

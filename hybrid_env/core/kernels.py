@@ -20,7 +20,6 @@ RARE = (
     "missed",
     "noise_law",
     "freedom",
-    "observation",
     "bank_rows",
     "order_rows",
     "drawn_modes",

@@ -177,14 +177,7 @@ def tick(
 
 @internal
 def write_rows(
-    b: int,
-    block: Any,
-    bank: Any,
-    first: int,
-    last: int,
-    begun: int,
-    setting: Any,
-    rare: bool | None,
+    b: int, block: Any, bank: Any, first: int, last: int, begun: int, setting: Any
 ) -> None:
     """Write the rows of lanes first .. last - 1 of block b."""
     arrays = arrays_of(setting)
@@ -217,5 +210,5 @@ def advance_live(begins: bool, bank_class: type, setting: Any) -> int:
         step_irregular(bank, block, first, last, arrays.radii, arrays.sensors, setting)
         for lane in range(first, last):
             block.time[lane] += 1
-        write_rows(b, block, bank, first, last, 0, setting, None)
+        write_rows(b, block, bank, first, last, 0, setting)
     return 0
