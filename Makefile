@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
-.PHONY: compare test lint types studies study coverage rllib bench pythons docs pages dist clean
+.PHONY: compare test lint types studies study coverage rllib bench bitcode pythons docs pages dist clean
 
 compare: $(INSTALLED)
 	$(BIN)/hybridtrack compare $(ARGS)
@@ -45,6 +45,10 @@ rllib:
 bench: $(INSTALLED)
 	$(BIN)/python -m tools.bench $(ARGS)
 
+# what the wheel has and a clone has not: kernels for a first step in a second or two, which copies of the folder share
+bitcode: $(INSTALLED)
+	$(BIN)/python -m tools.bitcode
+
 # the quick tests with every other Python that is at hand, each in an environment of its own
 OTHER_PYTHONS ?= python3.12 python3.13 python3.14
 pythons:
@@ -63,11 +67,12 @@ docs: $(INSTALLED)-docs
 pages: $(INSTALLED)-docs
 	$(BIN)/python -m sphinx -W --keep-going -q -b dummy -D plot_gallery=0 -D nb_execution_mode=off docs docs/_build/pages
 
-# wheel and source distribution, checked as the package index checks them
+# wheel and source distribution with bitcode, checked as the package index checks them
 dist:
 	$(PYTHON) -m venv $(VENV)-dist
-	$(VENV)-dist/bin/python -m pip install --disable-pip-version-check -q -c constraints.txt build twine
+	$(VENV)-dist/bin/python -m pip install --disable-pip-version-check -q -c constraints.txt build twine -e .
 	rm -rf dist
+	$(VENV)-dist/bin/python -m tools.bitcode
 	$(VENV)-dist/bin/python -m build
 	$(VENV)-dist/bin/python -m twine check --strict dist/*
 
@@ -83,5 +88,5 @@ $(INSTALLED): pyproject.toml constraints.txt
 	@touch $@
 
 clean:
-	rm -rf $(VENV) .venv-* .coverage build dist *.egg-info docs/_build docs/gallery docs/api/generated docs/api/examples
+	rm -rf hybrid_env/core/*.bc.xz $(VENV) .venv-* .coverage build dist *.egg-info docs/_build docs/gallery docs/api/generated docs/api/examples
 	find . -name __pycache__ -prune -exec rm -rf {} +

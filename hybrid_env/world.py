@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from hybrid_env.checks import AnyArray, BoolArray, Float32Array, FloatArray, IntArray, reject
 from hybrid_env.core.bank_ticks import read_bank_ticks
-from hybrid_env.core.compilation import prepare
 from hybrid_env.core.kernels import RESET, STEP, entry_point
 from hybrid_env.core.memory import (
     DECISION,
@@ -135,7 +134,6 @@ class World:
         for each.
         """
         self._advance = entry_point(self.options.bank_class, parameters[0], self.live)
-        prepare(self._advance, 0, 0)
         cuts = np.linspace(0, len(self.blocks), self.threads + 1).astype(int)
         temporary = declared(Arrays, "thread") | declared(self.options.bank_class, "thread")
         self._parameters = []

@@ -148,7 +148,7 @@ def _say_refused(parent: str) -> None:
     )
 
 
-def prepare(dispatcher: Any, *arguments: Any) -> None:
+def prepare(dispatcher: Any, *arguments: Any, announced: bool = True) -> None:
     """Compile a `compiled` function for the types of these arguments before it is called, or load
     it. One line on stderr announces what takes seconds. Files that cannot be loaded are replaced.
     Raises `RuntimeError` with NUMBA_DISABLE_JIT.
@@ -166,7 +166,7 @@ def prepare(dispatcher: Any, *arguments: Any) -> None:
     gc.disable()
     try:
         with _alone(folder, name):
-            _compile(dispatcher, types, folder, name)
+            _compile(dispatcher, types, folder, name, announced)
     finally:
         if collects:
             gc.enable()
@@ -186,10 +186,12 @@ def _alone(folder: str, name: str) -> Iterator[None]:
         yield
 
 
-def _compile(dispatcher: Any, types: tuple[Any, ...], folder: str, name: str) -> None:
+def _compile(
+    dispatcher: Any, types: tuple[Any, ...], folder: str, name: str, announced: bool
+) -> None:
     """Compile or load a function, see `prepare`; `folder` is "" where nothing is kept."""
     files = list(Path(folder).glob(f"*.{name}-*.nb?")) if folder else []
-    if not files:
+    if announced and not files:
         kept = f"kept in {folder}" if folder else "not kept: set NUMBA_CACHE_DIR"
         print(f"HybridTrack: compiling {name}, up to 30 s, {kept}", file=sys.stderr)
     try:

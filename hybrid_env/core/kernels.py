@@ -9,7 +9,8 @@ import functools
 from typing import Any
 
 from hybrid_env.core import announced, kernel, unknown
-from hybrid_env.core.compilation import compiled
+from hybrid_env.core.bitcode import Kernel, call, load
+from hybrid_env.core.compilation import compiled, prepare
 from hybrid_env.core.memory import DenseBank, DenseImmBank, ImmBank, parameters_at
 
 # Commands: of the environments the first two, on a live sensor the others.
@@ -30,9 +31,9 @@ the user always has it.
 """
 
 
-def entry_point(bank: type, parameters: Any, live: bool) -> Any:
-    """Return the compiled function that advances tracks with these parameters, a record
-    `PARAMETERS`.
+def entry_point(bank: type, parameters: Any, live: bool) -> Kernel:
+    """Return the function, ready to be called, that advances tracks with these parameters, a record
+    `PARAMETERS`, into which the address of its bitcode is written.
 
     Its arguments are the address of such a record, whose arrays must exist during the call, and a
     command. `STEP` steps every track, and a terminated track begins its next episode; its last
@@ -42,13 +43,27 @@ def entry_point(bank: type, parameters: Any, live: bool) -> Any:
     no track is stepped. On a live sensor the commands are `MEASURE` and `BEGIN`, and it returns 0.
     """
     rare = bank in (DenseBank, DenseImmBank) or any(parameters[name] for name in RARE)
-    return _compiled_for(bank, True if live or rare else None, live)
+    function, parameters["kernel"] = _ready(bank, True if live or rare else None, live)
+    return function
 
 
 @functools.cache
-def _compiled_for(bank: type, rare: bool | None, live: bool) -> Any:
-    """Return the entry point of a bank. Its name and what it refers to identify the machine code in
-    the cache.
+def _ready(bank: type, rare: bool | None, live: bool) -> tuple[Kernel, int]:
+    """Return the entry point of a bank, compiled; or if there is its bitcode, `call` and the
+    address.
+    """
+    kernel = kernel_of(bank, rare, live)
+    address = load(kernel.__name__)
+    if address:
+        return call, address
+    dispatcher: Kernel = compiled(kernel)
+    prepare(dispatcher, 0, 0)
+    return dispatcher, 0
+
+
+def kernel_of(bank: type, rare: bool | None, live: bool) -> Kernel:
+    """Return the entry point of a bank before it is compiled. Its name and what it refers to
+    identify the machine code in the cache.
     """
     process = unknown if bank in (ImmBank, DenseImmBank) else announced
 
@@ -61,4 +76,4 @@ def _compiled_for(bank: type, rare: bool | None, live: bool) -> Any:
     function = advance_live if live else advance
     kind = "live" if live else "all" if rare else "plain"
     function.__name__ = function.__qualname__ = f"{bank.__name__}_{kind}"
-    return compiled(function)
+    return function

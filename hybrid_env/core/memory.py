@@ -663,6 +663,8 @@ PARAMETERS = np.dtype(
         ),
         # The address of the function of a law of the user, see `noise`.
         ("noise_function", np.uintp),
+        # The address of the kernel, see `bitcode`.
+        ("kernel", np.uintp),
         # The addresses of the arrays.
         *(
             dict.fromkeys(

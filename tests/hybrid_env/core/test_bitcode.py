@@ -1,0 +1,124 @@
+"""Bitcode of kernels: the bits of compiled code; without it, or with another's, kernels compile."""
+
+import functools
+import importlib
+import lzma
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from hybrid_env.core import bitcode, compilation, kernels, memory
+from hybrid_env.registration import ENVIRONMENTS, make_track_vector_env
+
+IDS = {
+    "ImmBank": "HybridTrackQuickest-v0",
+    "PublishedBank": "HybridTrackPublishedBank-v0",
+    "AnchorAwareBank": "HybridTrackRaw-v0",
+}
+
+
+def small(address, command):
+    return address + command
+
+
+def raising(address, command):
+    if address > 5:
+        raise ValueError
+    return command
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """An empty folder, beside an empty cache."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+    compilation.cache_folder.cache_clear()
+    (tmp_path / "saved").mkdir()
+    yield tmp_path / "saved"
+    compilation.cache_folder.cache_clear()
+
+
+@pytest.mark.parametrize(
+    "bank", ["ImmBank", *(pytest.param(name, marks=pytest.mark.study) for name in [*IDS][1:])]
+)
+def test_bitcode_gives_the_bits_of_compiled_code(bank, tmp_path):
+    kernel = kernels.kernel_of(getattr(memory, bank), None, False)
+    bitcode.save(kernel, tmp_path)
+    address = bitcode.load(kernel.__name__, tmp_path)
+    assert address
+    function = compilation.compiled(kernel)
+    compilation.prepare(function, 0, 0)
+    one, other = (make_track_vector_env(IDS[bank], 9) for _ in range(2))
+    for env, called in ((one, function), (other, bitcode.call)):
+        (parameters,) = env.unwrapped.world._parameters
+        parameters["kernel"] = address
+        env.unwrapped.world.run = functools.partial(called, parameters.ctypes.data)
+    generator = np.random.default_rng(0)
+
+    assert np.array_equal(one.reset(seed=0)[0], other.reset(seed=0)[0])
+    for _ in range(300):
+        actions = generator.integers(one.single_action_space.n, size=9)
+        for ours, theirs in zip(one.step(actions)[:3], other.step(actions)[:3], strict=True):
+            assert ours.tobytes() == theirs.tobytes()
+
+
+def test_the_kernels_of_all_registered_ids_are_saved(monkeypatch, tmp_path):
+    saved, needed = [], []
+    tool = importlib.import_module("tools.bitcode")
+    monkeypatch.setattr(tool, "config", SimpleNamespace())
+    monkeypatch.setattr(bitcode, "save", lambda kernel, folder: saved.append(kernel.__name__))
+    monkeypatch.setattr(kernels, "load", lambda name: needed.append(name) or 1)
+    kernels._ready.cache_clear()
+    tool.main(tmp_path)
+    for env_id in ENVIRONMENTS:
+        make_track_vector_env(env_id, 1)
+    kernels._ready.cache_clear()
+
+    assert sorted(saved) == sorted(needed)
+
+
+def test_other_sources_or_checked_indices_compile(folder, monkeypatch):
+    bitcode.save(small, folder)
+    assert bitcode.load("small", folder)
+    assert bitcode.load("other", folder) == 0
+    with monkeypatch.context() as context:
+        context.setattr(compilation.config, "BOUNDSCHECK", 1)
+        assert bitcode.load("small", folder) == 0
+    monkeypatch.setattr(bitcode, "FOLDER", folder)
+    assert bitcode.load("small", folder) == 0
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"garbage", slice(0, 90)], ids=["empty", "garbage", "cut"]
+)
+def test_damaged_code_in_the_cache_is_made_again(content, folder):
+    bitcode.save(small, folder)
+    assert bitcode.load("small", folder)
+    (kept,) = (folder.parent / "cache").rglob("small-*.o")
+    code = kept.read_bytes()
+    kept.write_bytes(code[content] if isinstance(content, slice) else content)
+
+    assert bitcode.load("small", folder)
+    assert kept.read_bytes() == code
+
+
+def test_a_kernel_that_raises_compiles(folder):
+    bitcode.save(raising, folder)
+
+    assert bitcode.load("raising", folder) == 0
+
+
+def test_bitcode_that_this_llvm_cannot_read_compiles(folder):
+    bitcode.path_of("small", folder).write_bytes(lzma.compress(b"BC\xc0\xde" + bytes(64)))
+
+    assert bitcode.load("small", folder) == 0
+
+
+def test_bitcode_for_another_system_compiles(folder):
+    bitcode.save(small, folder)
+    path = bitcode.path_of("small", folder)
+    module = bitcode.llvm.parse_bitcode(lzma.decompress(path.read_bytes()))
+    module.triple = "arm64-apple-darwin"
+    path.write_bytes(lzma.compress(module.as_bitcode()))
+
+    assert bitcode.load("small", folder) == 0
