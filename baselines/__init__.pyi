@@ -11,10 +11,10 @@ from baselines.rules.change_detection import CusumDecider as CusumDecider
 from baselines.rules.change_detection import ShiryaevRobertsDecider as ShiryaevRobertsDecider
 from baselines.rules.decider import Decider as Decider
 from baselines.rules.fixed_time import FixedTimeDecider as FixedTimeDecider
+from baselines.rules.glr import RestartDecider as RestartDecider
 from baselines.rules.hindsight import smooth_modes as smooth_modes
 from baselines.rules.msprt import GapDecider as GapDecider
 from baselines.rules.msprt import MSPRTDecider as MSPRTDecider
-from baselines.rules.restarted import RestartDecider as RestartDecider
 from baselines.rules.rollout import record_in as record_in
 from baselines.rules.rollout import record_statements as record_statements
 from baselines.rules.rollout import rollout as rollout

@@ -198,8 +198,7 @@ class HybridTrackEnv(TrackEnv):
     the end of the segment, and its estimate is the anchor of the next segment. A wrong decision
     therefore also degrades the estimates of the next segment. With `follow="bank"` all filters run
     on, and the next anchor is the mean of their posterior, so that a wrong decision costs its
-    reward only. With `refine_radius=True` they run on, and the likeliest one of the declared type
-    gives estimate and anchor.
+    reward only.
 
     ## Action Space
     The action space is `Discrete(M + 1)` for M hypotheses. Hypothesis 0 is straight motion,

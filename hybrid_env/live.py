@@ -24,7 +24,7 @@ class LiveTracks(OwnState):
     `begin` and `measure_all` is about the first track.
 
     With announced switches the probabilities are posteriors with equal priors at the switch, and do
-    not change after a decision unless all filters run on (`follow="bank"`, `refine_radius`). The
+    not change after a decision unless all filters run on (`follow="bank"`). The
     published bank with one measurement variance has one covariance for both axes: it starts from
     that of x.
 

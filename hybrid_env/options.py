@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from annotated_types import Interval
+from numpy.typing import ArrayLike
 
 from hybrid_env.checks import FloatArray, IntArray, reject
 from hybrid_env.core.memory import BANKS, SEGMENT_COLUMNS, TICK_NAMES, DenseBank
@@ -37,9 +38,6 @@ class WorldOptions(ModelOptions):
             filters; the estimate and the next anchor are the mean of the posterior over all
             hypotheses, with its covariance (`core.banks.posterior`), so that a wrong decision costs
             its reward and nothing else.
-        refine_radius: after a declaration all filters run on; estimate, last decided mode and next
-            anchor are those of the likeliest hypothesis of the declared type (straight, left or
-            right).
         delay_cost: cost of a step, in units of the reward of a correct decision.
         correctness: "exact" requires the hypothesis, "type" only straight, left or right.
         evidence: a declaration counts once the posterior of a mode reaches this probability (with
@@ -64,7 +62,6 @@ class WorldOptions(ModelOptions):
     bank: Literal["published", "anchor_aware", "oracle"] = "published"
     reset_covariance: bool | None = None
     follow: Literal["declared", "bank"] = "declared"
-    refine_radius: bool = False
     delay_cost: QuantityOrZero = 0.02
     correctness: Literal["exact", "type"] = "exact"
     evidence: Annotated[float, Interval(ge=0.0, le=1.0 - 1e-9)] = 0.0
@@ -78,11 +75,6 @@ class WorldOptions(ModelOptions):
             raise reject(
                 "reset_covariance", True, "False or None with bank='oracle', whose anchor is exact"
             )
-        if self.refine_radius and self.follow == "bank":
-            allowed = "False with follow='bank', which merges all filters"
-            raise reject("refine_radius", True, allowed)
-        if self.refine_radius and len(self.type_names) == self.hypotheses:
-            raise reject("refine_radius", True, "False with a single radius: give several in radii")
         signed_radii = self.table[:, SEGMENT_COLUMNS.index("signed_radius")]
         of_scheme = {abs(float(radius)) for radius in signed_radii if radius}
         missing = sorted(of_scheme - set(self.radii)) if self.modes is None else []
@@ -97,6 +89,16 @@ class WorldOptions(ModelOptions):
         if self.decide_every > self.shortest_segment:
             allowed = f"at most {self.shortest_segment}, the length of the shortest segment"
             raise reject("decide_every", self.decide_every, allowed)
+
+    def segment_reward(self, correct: ArrayLike, ticks: ArrayLike) -> FloatArray:
+        """Return the rewards of segments, their waits included, see `core.announced`.
+
+        Args:
+            correct: (...,) whether the decisions are, by the option `correctness`.
+            ticks: (...,) decision times since the switch.
+        """
+        reward: FloatArray = np.where(correct, 1.0, -1.0) - self.delay_cost * np.asarray(ticks)
+        return reward
 
     @property
     def groups(self) -> IntArray:
@@ -178,7 +180,6 @@ class WorldOptions(ModelOptions):
             "observation": OBSERVATIONS.index(self.observation),
             # 1 if those of both axes are equal.
             "axes": 2 if self.follow == "bank" else self.variances.size,
-            "refined": self.refine_radius,
             "keep_undecided": self.undecided == "keep",
         }
         if isinstance(self.scheme, RandomScheme):

@@ -13,7 +13,6 @@ CHOICES = {
     "missed": (0.0, 0.2, 0.99),
     "reset_covariance": (None, True, False),
     "follow": ("declared", "bank"),
-    "refine_radius": (True, False),
     "correctness": ("exact", "type"),
     "evidence": (0.0, 0.5, 0.95, 1.0 - 1e-9),
     "actions": ("all", "types"),

@@ -40,7 +40,6 @@ def _largest(task: Task, episodes: int, seed: int) -> FloatArray:
         "actions": "all",
         "observation": "bank",
         "reset_covariance": None,
-        "refine_radius": False,
     }
     env = make_vector_env("HybridTrackPublished-v0", episodes, tick_info=False, **options)
     layout = env.world.layout

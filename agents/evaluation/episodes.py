@@ -79,7 +79,7 @@ def _declared(task: Task, history: History) -> dict[str, Any]:
     )
     switches = np.cumsum(lengths) - lengths
     since = np.arange(len(history.stated)) - np.repeat(switches, lengths)
-    rewards = np.where(correct, 1.0, -1.0) - task.options.delay_cost * ticks
+    rewards = task.options.segment_reward(correct, ticks)
     return {
         "modes": np.where(since < np.repeat(ticks, lengths), UNDECIDED, history.stated),
         "switches": switches,

@@ -62,8 +62,7 @@ class OnlineTracker(OwnState):
     mode of the segment, the estimate is that of the filter of the last decided mode. From then on
     the filter of the declared mode follows the object to the next switch and gives its anchor; the
     decider is not asked and the probabilities do not change. A segment that ends undecided is
-    decided as in the options. With `follow="bank"` the estimate is merged over all filters; with
-    `refine_radius` mode and estimate are those of the likeliest hypothesis of the declared type.
+    decided as in the options. With `follow="bank"` the estimate is merged over all filters.
 
     Times may be any. A measurement belongs to the tick that is nearest, see `TickClock`, and is
     moved to it along the estimated velocity. In ticks without a measurement the bank predicts, and

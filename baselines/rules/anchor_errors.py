@@ -88,9 +88,7 @@ class AnchorErrors(OwnState):
         assumption, component, h = np.unravel_index(chosen, share.shape[1:])
         previous = self.layout.read(rows, "previous").argmax(-1)[:, None]
         # What runs on if the hypothesis is true.
-        types = self.world.types
-        refined = self.world.refine_radius & (types[h] == types[previous])
-        declared = np.where(refined | (self.world.follow == "bank"), h, previous)
+        declared = h if self.world.follow == "bank" else np.broadcast_to(previous, h.shape)
         likely = weight > NEGLIGIBLE
         ticks = np.where(likely, self.ticks_left[tracks, None], 0)
         mean, covariance = self.errors_of(

@@ -222,7 +222,7 @@ def evaluate(
     return Decisions(
         decided_mode=decided_mode,
         **{name.removeprefix("decided_"): array for name, array in recorded.items()},
-        delay_cost=env.options.delay_cost,
+        reward=env.options.segment_reward(recorded["correct"], recorded["ticks"]),
     )
 
 

@@ -1,7 +1,6 @@
 """Decisions for announced switches, and values of every episode."""
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -37,13 +36,8 @@ class Decisions:
     length: IntArray
     # Of the estimated position, summed over the segment [m^2].
     squared_error: FloatArray
-    # Per tick.
-    delay_cost: float
-
-    @cached_property
-    def reward(self) -> FloatArray:
-        """Reward of each segment, (E, K)."""
-        return np.where(self.correct, 1.0, -1.0) - self.delay_cost * self.ticks
+    # Of the segment, see `WorldOptions.segment_reward`.
+    reward: FloatArray
 
     @property
     def values(self) -> FloatArray:

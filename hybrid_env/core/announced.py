@@ -150,13 +150,10 @@ def run_on(block: Any, lane: int, bank: Any, arrays: Any, setting: Any, rare: bo
     """Advance the filters of a lane after a decision: all of them, or that of the decided mode
     without its log-likelihood. Golubkov 2018, algorithm 1, line 15.
     """
-    hypotheses, sensors, types = bank.hypotheses, arrays.sensors, arrays.types
+    hypotheses, sensors = bank.hypotheses, arrays.sensors
     chosen, stop = block.active_mode[lane], lane + np.uint64(1)
-    if setting.merged or setting.refined:
+    if setting.merged:
         step_filters(bank, 0, hypotheses.size, lane, stop, block, sensors, setting, rare)
-        if setting.refined:
-            chosen = likeliest_of_type(hypotheses, types, lane, types[chosen])
-            block.active_mode[lane] = chosen
     else:
         before = hypotheses[chosen].log_likelihood[lane]
         step_filters(bank, chosen, chosen + 1, lane, stop, block, sensors, setting, rare)

@@ -649,10 +649,8 @@ PARAMETERS = np.dtype(
                 "declare_type",
                 # See the option `undecided`.
                 "keep_undecided",
-                # All filters run on after a decision: the estimate is that of the bank, or of the
-                # likeliest.
+                # All filters run on after a decision: the estimate is that of the bank.
                 "merged",
-                "refined",
                 # An oracle bank is anchored at the true state.
                 "reset_covariance",
                 "oracle",

@@ -15,8 +15,6 @@ from studies.pictures import draw_estimates
 from studies.results import in_parallel, markdown_table
 
 SPEED, RADIUS = 2.0, 5.0
-# Of the bank with several radii.
-RADII = tuple(RADIUS * ratio for ratio in (0.5, 0.7, 1.0, 1.4, 2.0))
 # Ticks from the switch to the decision, and since the decision.
 DECISION = 10
 SINCE = 0, 5, 10, 20, 30, 40, 50
@@ -51,31 +49,21 @@ def evaluate_turn(variance: float, ratio: float, tracks: int, seed: int) -> list
         "initial_error": (0.3, 0.2 * variance),
         "scheme": f"random 1x{ticks}-{ticks}",
     }
-    single = OnlineTracker(WorldOptions(radii=(RADIUS,), **options), FixedTimeDecider(DECISION))
-    several = OnlineTracker(
-        WorldOptions(radii=RADII, refine_radius=True, **options), FixedTimeDecider(DECISION)
-    )
+    tracker = OnlineTracker(WorldOptions(radii=(RADIUS,), **options), FixedTimeDecider(DECISION))
     places = np.array(SINCE) + DECISION - 1
     # Process noise changes the speed and not the turn rate.
     truth = np.hypot(run.truth[:, places, 1], run.truth[:, places, 3]) * radius / SPEED
     generator = np.random.default_rng(seed)
     found = []
     for measurements in run.measurements:
-        error = generator.normal(size=4) * np.sqrt(single.options.start_variances)
+        error = generator.normal(size=4) * np.sqrt(tracker.options.start_variances)
         begin = np.array([0.0, 0.0, 0.0, SPEED]) + error
-        found.append(
-            [run_track(single, begin, measurements), run_track(several, begin, measurements)]
-        )
-    # (tracks, 2, places, 3): mode, radius and its deviation.
-    values = np.array(found)[:, :, places]
-    modes = values[..., 0].astype(int)
-    left = (modes[:, 0] == 1).all(1) & ((modes[:, 1] >= 1) & (modes[:, 1] <= len(RADII))).all(1)
-    estimated, deviations = values[left, 0, :, 1], values[left, 0, :, 2]
-    radii = {
-        "estimated": estimated,
-        "refined": np.array((np.nan, *RADII))[modes[left, 1]],
-        "fixed": np.full(estimated.shape, RADIUS),
-    }
+        found.append(run_track(tracker, begin, measurements))
+    # (tracks, places, 3): mode, radius and its deviation.
+    values = np.array(found)[:, places]
+    left = (values[..., 0] == 1).all(1)
+    estimated, deviations = values[left, :, 1], values[left, :, 2]
+    radii = {"estimated": estimated, "fixed": np.full(estimated.shape, RADIUS)}
     squares = ((estimated - truth[left]) / deviations) ** 2
     rows = []
     for name, of_tracks in radii.items():
@@ -135,7 +123,7 @@ def figure(rows: Sequence[Row]) -> Figure:
     frame = pd.DataFrame(rows)
     panels = list(frame.groupby("variance", sort=False))
     canvas = Figure(figsize=(4.0 * len(panels) + 2.0, 4.0), layout="constrained")
-    styles = {"estimated": "-", "refined": "--", "fixed": ":"}
+    styles = {"estimated": "-", "fixed": ":"}
     every = canvas.subplots(1, len(panels), sharey=True, squeeze=False)[0]
     for (variance, of_variance), axes in zip(panels, every, strict=True):
         curves = of_variance.groupby(["ratio", "radius"], sort=False)

@@ -148,7 +148,7 @@ def samples_of(
             now.info[name][decided]
             for name in ("correct", "ticks", "decided_mode", "decided_true_mode")
         )
-        reward = np.where(correct, 1.0, -1.0) - world.delay_cost * ticks
+        reward = world.segment_reward(correct, ticks)
         decisions.append(np.stack([reward, ticks]))
         # Losses after unusual thresholds are not learned.
         known = has_declared[decided] & (np.abs(seen.margin[decided]) < 1.8)

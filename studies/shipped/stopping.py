@@ -140,9 +140,8 @@ def paths_of(explorer: Explorer) -> tuple[Float32Array, Float32Array, IntArray]:
     ticks = explorer.agent.layout.read(rows[ends], "ticks")
     lengths = np.ceil(ticks.round() / world.decide_every).astype(np.int64)
     best, true = best[kept], np.repeat(modes[ends], lengths)
-    groups = world.groups
-    rewards = np.where(groups[best] == groups[true], 1.0, -1.0)
-    rewards = rewards - world.delay_cost * ratios.read("ticks")
+    right = world.groups[best] == world.groups[true]
+    rewards = world.segment_reward(right, ratios.read("ticks"))
     if world.follow != "bank":
         turns = (ratios.of_mode(ratios.turn, modes)[:, None] for modes in (best, true))
         regret = explorer.agent.net.regret(torch.from_numpy(regret_inputs(ratios, *turns)[:, 0]))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from baselines import BeamDecider, OnlineTracker, SPRTDecider, ThresholdDecider
-from baselines.rules.refiltering import RefilteringDecider
+from baselines.rules.propagated import RefilteringDecider
 from hybrid_env import KalmanBank, QuickestOptions, WorldOptions
 from hybrid_env.live import LiveTracks
 from hybrid_env.wrappers import CompleteInfo

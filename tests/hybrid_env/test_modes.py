@@ -92,7 +92,6 @@ REFUSED = {
         ({"scheme": "50 turn rate 1"}, "straight, left 5, right 5"),
     ),
     "radii": (({"modes": "straight, left 0.001", "tau": 1.0}, "at least 0.02"),),
-    "refine_radius": (({"modes": "straight, stop", "refine_radius": True}, "False"),),
 }
 
 

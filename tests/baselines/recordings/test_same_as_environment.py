@@ -12,7 +12,7 @@ from baselines import (
     ShiryaevRobertsDecider,
     ThresholdDecider,
 )
-from baselines.rules.refiltering import RefilteringDecider
+from baselines.rules.propagated import RefilteringDecider
 from hybrid_env import QuickestOptions, WorldOptions
 
 
@@ -44,23 +44,6 @@ def test_known_switch_moments(name, bank, follow):
     )
     assert len(decided) == 6
     assert len({mode for mode, _ in decided}) > 1
-
-
-@pytest.mark.parametrize(
-    ("name", "bank", "refined"),
-    [
-        ("axes", "published", True),
-        ("walker", "anchor_aware", False),
-        ("aircraft", "anchor_aware", True),
-    ],
-)
-def test_refined_estimates(name, bank, refined):
-    options = {"radii": (3.0, 5.0)} | COMMON[name]
-    decided = same_as_announced(
-        MSPRTDecider(0.3), seed=4, bank=bank, refine_radius=refined, **options
-    )
-
-    assert not all(forced for _, forced in decided)
 
 
 def test_a_rule_with_filters_of_its_own():

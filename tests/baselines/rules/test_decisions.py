@@ -7,7 +7,7 @@ from baselines import SPRTDecider
 from baselines.rules.rollout import evaluate
 from baselines.scoring.decisions import COLUMNS, RMSE, Decisions
 from baselines.scoring.scores import Scores
-from hybrid_env import HybridTrackEnv
+from hybrid_env import HybridTrackEnv, WorldOptions
 
 ENV = "hybrid_env:HybridTrackPublished-v0"
 
@@ -38,7 +38,8 @@ def test_figures_of_an_episode_are_those_of_its_segments():
     flags, zeros, ones = np.zeros((1, 4), bool), np.zeros((1, 4), int), np.ones((1, 4), int)
     length = np.array([[10, 30, 10, 30]])
     error = np.array([[40.0, 120.0, 40.0, 120.0]])
-    decisions = Decisions(correct, correct, 5 * ones, flags, zeros, zeros, length, error, 0.02)
+    reward = WorldOptions().segment_reward(correct, 5 * ones)
+    decisions = Decisions(correct, correct, 5 * ones, flags, zeros, zeros, length, error, reward)
     values = dict(zip(COLUMNS, decisions.values[0], strict=True))
 
     assert values["accuracy"] == values["type_accuracy"] == 0.5

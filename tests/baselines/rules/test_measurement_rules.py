@@ -7,7 +7,7 @@ import pytest
 from linear_filters import MatrixLinearFilter
 from matrix_filters import MatrixExtendedKalmanFilter, MatrixKalmanFilter
 
-from baselines.rules.restarted import RestartDecider
+from baselines.rules.glr import RestartDecider
 from hybrid_env import HybridTrackQuickestVectorEnv, QuickestOptions, Radar, Sensor
 from hybrid_env.modes import Accelerate, Stop
 

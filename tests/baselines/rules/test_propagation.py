@@ -8,7 +8,7 @@ from scipy.stats import chi2
 from baselines.rules.anchor_errors import AnchorErrors
 from baselines.rules.component_filters import ComponentFilters, speeds, stated_anchors
 from baselines.rules.measurements import axes_in_rows, in_rows, split_sensed
-from baselines.rules.refiltering import RefilteringDecider
+from baselines.rules.propagated import RefilteringDecider
 from baselines.rules.rollout import rollout
 from hybrid_env import HybridTrackVectorEnv
 
@@ -187,10 +187,6 @@ FURTHER = {
     "missed": ({"missed": 0.3}, None),
     "sensors": ({"sensors": ["0.05", "0.4 period 3"]}, None),
     "far radar": ({"sensors": ["radar 0.3 0.003 at 100 0"]}, None),
-    "refined radius": (
-        {"radii": (4.0, 8.0, 20.0), "correctness": "type", "refine_radius": True},
-        None,
-    ),
     "robust filters": ({"robust": True}, None),
     # The bank of the environment follows an outlier further than the computed noise.
     "robust filters, outliers": ({"robust": True, "noise": "outliers 0.05"}, "above"),

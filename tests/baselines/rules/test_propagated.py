@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.special import softmax
 
-from baselines.rules.refiltering import RefilteringDecider
+from baselines.rules.propagated import RefilteringDecider
 from hybrid_env import HybridTrackVectorEnv, Layout
 
 TRACKS = 19
