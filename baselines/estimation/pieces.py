@@ -299,6 +299,33 @@ def _compare(
             before += more
 
 
+@internal
+def _smoothed(
+    memory: Memory,
+    k: int,
+    adjoint: FloatArray,
+    information: FloatArray,
+    means: FloatArray,
+    covariances: FloatArray,
+) -> None:
+    """Write state and covariance of tick k of a block, given its later ticks too."""
+    P = memory.covariances[k + 1]
+    means[k] = memory.states[k + 1] - P @ adjoint
+    covariances[k] = P - P @ information @ P
+
+
+@internal
+def _go_back(memory: Memory, k: int, adjoint: FloatArray, information: FloatArray) -> None:
+    """Bring what later ticks say to the begin of tick k of a block."""
+    inverse = memory.inverses[k]
+    step = memory.steps[k]
+    seen = step[:2]
+    # The step, and what the correction by the measurement leaves of it.
+    left = step - memory.gains[k] @ seen
+    adjoint[:] = left.T @ adjoint - seen.T @ (inverse @ memory.errors[k])
+    information[:] = left.T @ information @ left + seen.T @ inverse @ seen
+
+
 @compiled
 def _return(
     memory: Memory,
@@ -319,19 +346,30 @@ def _return(
         turns: (n, 4) see `turns.Turn`, written.
     """
     for k in range(len(means) - 1, -1, -1):
-        P = memory.covariances[k + 1]
-        means[k] = memory.states[k + 1] - P @ adjoint
-        covariances[k] = P - P @ information @ P
+        _smoothed(memory, k, adjoint, information, means, covariances)
         values = turn_of(means[k], covariances[k])
         for j in range(4):
             turns[k, j] = values[j]
-        inverse = memory.inverses[k]
-        step = memory.steps[k]
-        seen = step[:2]
-        # The step, and what the correction by the measurement leaves of it.
-        left = step - memory.gains[k] @ seen
-        adjoint[:] = left.T @ adjoint - seen.T @ (inverse @ memory.errors[k])
-        information[:] = left.T @ information @ left + seen.T @ inverse @ seen
+        _go_back(memory, k, adjoint, information)
+
+
+@compiled
+def _smooth_first(
+    measurements: FloatArray,
+    noises: FloatArray,
+    segments: Segments,
+    speed: float,
+    freedom: float,
+    memory: Memory,
+    means: FloatArray,
+    covariances: FloatArray,
+) -> None:
+    """Smooth the first tick of a block; the arguments are those of `_filter` and `_return`."""
+    _filter(measurements, noises, 0, segments, speed, freedom, memory)
+    adjoint, information = np.zeros(STATES), np.zeros((STATES, STATES))
+    for k in range(len(measurements) - 1, 0, -1):
+        _go_back(memory, k, adjoint, information)
+    _smoothed(memory, 0, adjoint, information, means, covariances)
 
 
 def _matrices(rates: FloatArray, tau: float) -> Moments:
@@ -397,13 +435,14 @@ class PieceSmoother:
         """Allocate the memory of a block."""
         self.pieces = np.empty((0, 3), int)
         self.rates = np.empty(0)
+        ticks = min(BLOCK, len(self.measurements))
         self.memory = Memory(
-            np.zeros((BLOCK + 1, STATES)),
-            np.zeros((BLOCK + 1, STATES, STATES)),
-            np.zeros((BLOCK, STATES, STATES)),
-            np.zeros((BLOCK, STATES, 2)),
-            np.zeros((BLOCK, 2)),
-            np.zeros((BLOCK, 2, 2)),
+            np.zeros((ticks + 1, STATES)),
+            np.zeros((ticks + 1, STATES, STATES)),
+            np.zeros((ticks, STATES, STATES)),
+            np.zeros((ticks, STATES, 2)),
+            np.zeros((ticks, 2)),
+            np.zeros((ticks, 2, 2)),
         )
 
     def _segments(self, pieces: IntArray, of_pieces: AnyArray, rates: FloatArray) -> Segments:
@@ -493,12 +532,10 @@ class PieceSmoother:
             before: state and covariance one tick before.
         """
         self._anchor(*before)
-        count = self._filter(0, self._modes._replace(places=modes, begins=begins))
-        means, spreads = np.empty((count, STATES)), np.empty((count, STATES, STATES))
-        adjoint, information = np.zeros(STATES), np.zeros((STATES, STATES))
-        run_compiled(
-            _return, self.memory, adjoint, information, means, spreads, np.empty((count, 4))
-        )
+        segments = self._modes._replace(places=modes, begins=begins)
+        means, spreads = np.empty((1, STATES)), np.empty((1, STATES, STATES))
+        arguments = self.measurements, self.noises, segments, self.speed, self.freedom
+        run_compiled(_smooth_first, *arguments, self.memory, means, spreads)
         after = self.memory.states[1].copy(), self.memory.covariances[1].copy()
         return means[0, ORDER], spreads[0][ORDER_OF_BOTH], after
 
