@@ -480,12 +480,28 @@ class PieceSmoother:
         """Let the next block begin with these."""
         self.memory.states[0], self.memory.covariances[0] = state, covariance
 
-    def smooth(self, pieces: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def smooth(
+        self, pieces: IntArray, gradual: int = 0
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return estimates (T, 4) [x, vx, y, vy], covariances (T, 4, 4) and turns (T, 4), see
-        `turns.Turn`. pieces: (K, 3) first tick, end, and row of `motions` of the segments.
+        `turns.Turn`.
+
+        Args:
+            pieces: (K, 3) first tick, end, and row of `motions` of the segments.
+            gradual: ticks for which all later turns have half their curvature at their begin.
         """
         ticks = len(self.measurements)
         of_pieces = self.motions[pieces[:, 2]]
+        if gradual:
+            turns = (of_pieces["signed_radius"] != 0.0) & (np.diff(pieces[:, :2])[:, 0] > gradual)
+            turns[0] = False
+            numbers = np.repeat(np.arange(len(pieces)), 1 + turns)
+            second = np.diff(numbers, prepend=-1) == 0
+            first = turns[numbers] & ~second
+            pieces, of_pieces = pieces[numbers], of_pieces[numbers]
+            of_pieces["signed_radius"][first] *= 2.0
+            pieces[second, 0] += gradual
+            pieces[first, 1] = pieces[first, 0] + gradual
         memory = self.memory
         means, spreads = np.empty((BLOCK, STATES)), np.empty((BLOCK, STATES, STATES))
         results = np.empty((ticks, 4)), np.empty((ticks, 4, 4)), np.empty((ticks, 4))

@@ -76,8 +76,8 @@ class FixedLagSmoother:
         self._parts.append(self._walk.extend(row[None], np.full(1, end)))
         if len(self._parts) < len(self._positions):
             return None
-        parts = [[*part] for part in self._parts]
-        lattice = self._walk.lattice(parts, np.full(len(parts), BY_LAW))
+        arrays = [np.concatenate(values) for values in zip(*self._parts, strict=True)]
+        lattice = self._walk.lattice(arrays, np.full(len(self._parts), BY_LAW))
         probabilities = smooth_lattice(lattice, self.model)
         weights = (~np.isnan(self._positions[:, 0])).astype(float)
         weights[-1] += AHEAD

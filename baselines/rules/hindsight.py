@@ -165,11 +165,11 @@ def smooth_modes(
     if len(pieces) > 1 and switches is None:
         rows = np.add.reduceat(measured.astype(int), pieces[:, 0])
         motions = options.motions[pieces[:, 2]]
-        begins, moments = find_begins(pieces, rows, motions, smoother.compare())
+        begins, moments, gradual = find_begins(pieces, rows, motions, smoother.compare())
         if (begins != pieces[:, 0]).any():
             pieces = np.stack([begins, np.append(begins[1:], len(values)), pieces[:, 2]], axis=1)
             modes = np.repeat(pieces[:, 2], pieces[:, 1] - begins)
-            smoothed = smoother.smooth(pieces)
+            smoothed = smoother.smooth(pieces, gradual)
     # An object that stands has no speed, also where its position drifts.
     smoothed[2][stands[modes], :2] = 0.0
     return SmoothedModes(modes, probabilities, pieces, moments, *smoothed, log_likelihood)
@@ -315,9 +315,9 @@ def choose_modes(
 
 def find_begins(
     pieces: IntArray, rows: IntArray, motions: AnyArray, log_likelihoods: FloatArray
-) -> tuple[IntArray, IntArray]:
-    """Return the begins of pieces (K,), and the intervals that hold them with a probability of
-    .95, (K, 2).
+) -> tuple[IntArray, IntArray, int]:
+    """Return the begins of pieces (K,), the intervals that hold them with a probability of .95,
+    (K, 2), and the ticks for which turns have half their curvature.
 
     All turns begin abruptly, or all gradually, with half their curvature for some ticks. If a
     gradual way is the most probable one, turns and what follows them begin where that is most
@@ -356,4 +356,4 @@ def find_begins(
         moments[1:, column] += (sums < probability).sum(1) - REACH
     moments[:, 0] = np.minimum(moments[:, 0], begins)
     moments[:, 1] = np.maximum(moments[:, 1], begins)
-    return begins, moments
+    return begins, moments, int(GRADUAL[ways.argmax()])

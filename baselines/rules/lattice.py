@@ -16,6 +16,7 @@ models", on nodes that merge as in the interacting multiple model smoother, Helm
 1995.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -37,7 +38,7 @@ from hybrid_env.checks import AnyArray, Float32Array, FloatArray, IntArray
 from hybrid_env.compiled import INNOVATION, MEASURED, aligned_zeros, compiled, run_compiled
 
 # Weight of a node at a tick below which it is not kept.
-SMALLEST = 1e-9
+SMALLEST = 1e-7
 # Ticks that are walked at a time.
 BLOCK = 4096
 
@@ -127,17 +128,14 @@ class LatticeWalk:
         probable = walk.weights > SMALLEST
         return [probable.sum((1, 2)), *(values[probable] for values in arrays)]
 
-    def lattice(self, parts: list[list[AnyArray]], ends: FloatArray) -> Lattice:
+    def lattice(self, arrays: Sequence[AnyArray], ends: FloatArray) -> Lattice:
         """Return the lattice of the last ticks.
 
         Args:
-            parts: of the ticks, as returned by `extend`; they are emptied, because they and the
-                lattice of a long recording together would need twice the memory.
+            arrays: of these ticks, as `extend` returns them.
             ends: (T,) as of `Lattice`.
         """
-        counts, nodes, groups, weights = (
-            np.concatenate([part.pop(0) for part in parts]) for _ in range(4)
-        )
+        counts, nodes, groups, weights = arrays
         return Lattice(
             self.ticks - len(ends),
             np.append(0, np.cumsum(counts)),
@@ -155,8 +153,14 @@ def walk_lattice(
 ) -> Lattice:
     """Walk over all measurements of a track; the arguments are those of `LatticeWalk`."""
     walk = LatticeWalk(starts, branches, model)
-    blocks = (slice(first, first + BLOCK) for first in range(0, len(measurements), BLOCK))
-    return walk.lattice([walk.extend(measurements[part], ends[part]) for part in blocks], ends)
+    arrays = walk.extend(measurements[:BLOCK], ends[:BLOCK])
+    for first in range(BLOCK, len(measurements), BLOCK):
+        part = slice(first, first + BLOCK)
+        for array, more in zip(arrays, walk.extend(measurements[part], ends[part]), strict=True):
+            # In place, because those of a long recording are larger than all else.
+            array.resize(array.size + more.size, refcheck=False)
+            array[-more.size :] = more
+    return walk.lattice(arrays, ends)
 
 
 @compiled

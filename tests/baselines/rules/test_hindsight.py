@@ -56,17 +56,26 @@ def test_gradual_turns_begin_when_the_curvature_does():
     begins = [40, 80, 120, 160]
     errors = {False: [], True: []}
     held = []
+    # Of the estimates within ten ticks of a begin, whose mean is 4 if the model holds.
+    near = np.abs(np.arange(200)[:, None] - begins).min(1) <= 10
+    squares = {False: [], True: []}
     for gradual, seed in itertools.product(errors, range(5)):
         first = "4r400 {0}36r200" if gradual else "40r200"
         scheme = "S40 {L} S40 {R} S40".format(**{k: k + first.format(k) for k in "LR"})
-        z = simulate(scheme, seed=seed, start=(0.0, 20.0, 0.0, 0.0), **known).measurements[0]
-        result = smooth_modes(z, options)
+        simulated = simulate(scheme, seed=seed, start=(0.0, 20.0, 0.0, 0.0), **known)
+        result = smooth_modes(simulated.measurements[0], options)
         assert result.pieces[:, 2].tolist() == [0, 1, 0, 2, 0]
         errors[gradual] += (result.pieces[1:, 0] - begins).tolist()
         low, high = result.moments[1:].T
         held += ((low <= begins) & (begins <= high)).tolist()
+        apart = (result.estimates - simulated.truth[0])[near]
+        white = np.linalg.solve(np.linalg.cholesky(result.covariances[near]), apart[..., None])
+        squares[gradual].append((white**2).sum() / len(apart))
     assert np.abs(errors[False]).max() <= 1
     assert np.abs(errors[True]).max() <= 2
+    assert np.mean(squares[False]) < 6.0
+    # Above 300 if all turns had their whole curvature.
+    assert np.mean(squares[True]) < 60.0
     # Forty begins; three standard errors below .95.
     assert np.mean(held) > 0.84
 
