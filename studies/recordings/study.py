@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from joblib import delayed
+from matplotlib import colormaps
 from matplotlib.figure import Figure
 
 from agents import find_decider, track_recording
@@ -286,16 +287,19 @@ def draw_lags(rows: Sequence[Row]) -> Figure | None:
     axes.set_title("How many rows are right if a live tracker decides some ticks later?")
     axes.set_xlabel("ticks between a measurement and the decision of its mode")
     axes.set_ylabel("share of right rows")
-    for world in {row["recordings"]: None for row in drawn}:
+    worlds = {row["recordings"]: None for row in drawn}
+    for number, world in enumerate(worlds):
         here = [row for row in rows if row["recordings"] == world]
         late = [row for row in here if row["decider"] in lags]
         places = [lags[row["decider"]] for row in late]
-        style = {"color": "black", "linewidth": 2.0} if world == "all" else {"linewidth": 0.8}
-        (line,) = axes.plot(places, [row["agreement"].value for row in late], label=world, **style)
+        style = {"color": colormaps["tab20"](number), "linewidth": 1.0}
+        if world == "all":
+            style = {"color": "black", "linewidth": 2.5}
+        axes.plot(places, [row["agreement"].value for row in late], label=world, **style)
         for row in here:
             if row["decider"] == HINDSIGHT:
                 end = row["agreement"].value
-                axes.plot([places[-1]], [end], ">", color=line.get_color(), clip_on=False)
+                axes.plot([places[-1]], [end], ">", color=style["color"], clip_on=False)
     axes.grid(alpha=0.3)
     axes.legend(
         title="recordings (at the right: all rows known)",
