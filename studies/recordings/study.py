@@ -292,14 +292,14 @@ def draw_lags(rows: Sequence[Row]) -> Figure | None:
         here = [row for row in rows if row["recordings"] == world]
         late = [row for row in here if row["decider"] in lags]
         places = [lags[row["decider"]] for row in late]
-        style = {"color": colormaps["tab20"](number), "linewidth": 1.0}
-        if world == "all":
-            style = {"color": "black", "linewidth": 2.5}
-        axes.plot(places, [row["agreement"].value for row in late], label=world, **style)
+        right = [row["agreement"].value for row in late]
+        # All come first.
+        colour, width = (colormaps["tab20"](number), 1.0) if number else ("black", 2.5)
+        axes.plot(places, right, color=colour, linewidth=width, label=world)
         for row in here:
             if row["decider"] == HINDSIGHT:
                 end = row["agreement"].value
-                axes.plot([places[-1]], [end], ">", color=style["color"], clip_on=False)
+                axes.plot([places[-1]], [end], ">", color=colour, clip_on=False)
     axes.grid(alpha=0.3)
     axes.legend(
         title="recordings (at the right: all rows known)",
