@@ -1,6 +1,7 @@
 """The command `hybridtrack track`: mode decisions on recordings of positions, one file or many."""
 
 import functools
+import importlib
 import json
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -22,12 +23,13 @@ from agents.interface.parallel import Workers
 from agents.interface.progress import print_lines, progress_display
 from agents.interface.world_arguments import TrustArguments
 from agents.recordings.tracking import TrackedRecording, TrackingArguments
-from baselines.recordings.reading.names import GIVEN_ROLES, columns_by_role
+from baselines.recordings.reading.names import GIVEN_ROLES, ROW_FILES, columns_by_role
 from hybrid_env.checks import ArgumentError, Count, Positive, reject
+from hybrid_env.extras import explained
 from hybrid_env.limits import Quantity
 from hybrid_env.sensors import parse_sensors
 
-# Of a table, that are written together.
+# Number of rows of a table that are written at a time.
 ROWS = 100_000
 
 Report: TypeAlias = tuple[list[str], list[Table], str]
@@ -116,6 +118,9 @@ class Track(TrackingArguments, TrustArguments):
             raise reject("files", self.files, "at least one file")
         self.check_tracking()
         self.reading_options()
+        with explained():
+            # Before anything is tracked.
+            importlib.import_module("pyarrow")
         if self.html:
             from agents.recordings.maps import check_plotly
 
@@ -152,6 +157,9 @@ class Track(TrackingArguments, TrustArguments):
             for tracked, place in zip(results, places, strict=True):
                 self._write(tracked, place)
             written = ", ".join(sorted(path.name for path in places[0].iterdir()))
+        for place in places:
+            # Of results that are overwritten.
+            (folder / place.relative_to(part) / ROW_FILES[not self.parquet]).unlink(missing_ok=True)
         warnings = [warning.removeprefix(f"{path}: ") for warning in file.warnings]
         lines = [file.summary, *map("  warning: {}".format, warnings)]
         for tracked in results:
@@ -173,7 +181,7 @@ class Track(TrackingArguments, TrustArguments):
         pieces.to_csv(folder / "modes.csv", index=False, na_rep="nan", lineterminator="\n")
         rows = tracked.row_table()
         rows["object"] = [name] * len(rows["object"])
-        write_rows(folder / ("estimates.parquet" if self.parquet else "estimates.csv"), rows)
+        write_rows(folder / ROW_FILES[self.parquet], rows)
         write_json(folder / "track.json", tracked.settings())
         if self.png:
             # Matplotlib; other commands start faster.

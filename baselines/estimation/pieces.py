@@ -159,7 +159,8 @@ def _correct(
     inverse: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]:
     """Return state and covariance after a measurement, the gain (7, 2), the innovation (2,), and
-    the log-likelihood without its constant.
+    the log-likelihood without its constant; of Student's t errors that of a normal one with the
+    noise that is used.
 
     Args:
         x: (7,) predicted state.
@@ -175,9 +176,8 @@ def _correct(
     error = measurement - x[:2]
     S = np.empty((2, 2))
     weight = 1.0
-    log_likelihood = 0.0
     # To a robust likelihood the noise of a measurement that is far is larger.
-    for k in range(2 if freedom > 0.0 else 1):
+    for _ in range(2 if freedom > 0.0 else 1):
         xx, xy, yy = noise / weight
         S[0, 0], S[0, 1] = P[1, 1] + yy, -P[0, 1] - xy
         S[1, 0], S[1, 1] = S[0, 1], P[0, 0] + xx
@@ -185,12 +185,6 @@ def _correct(
         inverse[:] = S / determinant
         distance = float(error @ (inverse @ error))
         weight = min((freedom + 2.0) / (freedom + distance), 1.0)
-        if k == 0:
-            log_likelihood = -0.5 * math.log(determinant)
-            if freedom > 0.0:
-                log_likelihood -= 0.5 * (freedom + 2.0) * math.log1p(distance / freedom)
-            else:
-                log_likelihood -= 0.5 * distance
     gain = np.ascontiguousarray(P[:, :2]) @ inverse
     P = P - gain @ P[:2]
     log_likelihood = -0.5 * (distance + math.log(determinant))
@@ -221,7 +215,7 @@ def _filter(
     """
     x = memory.states[0].copy()
     P = memory.covariances[0].copy()
-    A = J = np.eye(STATES)
+    A, J = np.eye(STATES), np.eye(STATES)
     for k in range(len(measurements) - first):
         place = segments.places[first + k]
         begins = segments.begins[first + k]
@@ -481,27 +475,26 @@ class PieceSmoother:
         self.memory.states[0], self.memory.covariances[0] = state, covariance
 
     def smooth(
-        self, pieces: IntArray, gradual: int = 0
+        self, pieces: IntArray, gradual: IntArray | None = None
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return estimates (T, 4) [x, vx, y, vy], covariances (T, 4, 4) and turns (T, 4), see
         `turns.Turn`.
 
         Args:
             pieces: (K, 3) first tick, end, and row of `motions` of the segments.
-            gradual: ticks for which all later turns have half their curvature at their begin.
+            gradual: (K,) ticks for which a segment has half its curvature at its begin; None is 0.
         """
         ticks = len(self.measurements)
         of_pieces = self.motions[pieces[:, 2]]
-        if gradual:
-            turns = (of_pieces["signed_radius"] != 0.0) & (np.diff(pieces[:, :2])[:, 0] > gradual)
-            turns[0] = False
-            numbers = np.repeat(np.arange(len(pieces)), 1 + turns)
+        if gradual is not None:
+            split = (gradual > 0) & (np.diff(pieces[:, :2])[:, 0] > gradual)
+            numbers = np.repeat(np.arange(len(pieces)), 1 + split)
             second = np.diff(numbers, prepend=-1) == 0
-            first = turns[numbers] & ~second
-            pieces, of_pieces = pieces[numbers], of_pieces[numbers]
+            first = split[numbers] & ~second
+            pieces, of_pieces, gradual = pieces[numbers], of_pieces[numbers], gradual[numbers]
             of_pieces["signed_radius"][first] *= 2.0
-            pieces[second, 0] += gradual
-            pieces[first, 1] = pieces[first, 0] + gradual
+            pieces[second, 0] += gradual[second]
+            pieces[first, 1] = pieces[first, 0] + gradual[first]
         memory = self.memory
         means, spreads = np.empty((BLOCK, STATES)), np.empty((BLOCK, STATES, STATES))
         results = np.empty((ticks, 4)), np.empty((ticks, 4, 4)), np.empty((ticks, 4))

@@ -33,8 +33,9 @@ class OnlineEstimate(NamedTuple):
         position: (x, y) of the estimate; with a projection latitude and longitude [deg].
         turn: speed and radius of the object with their deviations, in the units of the estimate.
             The radius is estimated although the hypothesis names another one.
-        settled: with a `lag` of the tracker, what is now known of the tick so many ticks ago, in
-            the units of the estimate; None before there is one.
+        settled: with a `lag` of the tracker, what is now known of the tick so many ticks before the
+            last one, in the units of the estimate; None before there is one. After an update over
+            several ticks, those between are not returned.
     """
 
     mode: int

@@ -36,7 +36,7 @@ class TrackState:
     repeats: int = 0
     far: int = 0
     agreed: int = 0
-    # With a lag of the tracker, from the first measurement on, and what it said last.
+    # With a lag of the tracker: from the first measurement on, and what it has returned last.
     smoother: FixedLagSmoother | None = None
     settled: Settled | None = None
     decider_state: Any = None

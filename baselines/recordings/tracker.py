@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from baselines.estimation.forecast import check_times
-from baselines.estimation.pieces import BLOCK
 from baselines.estimation.turn_tracks import TurnTracks
 from baselines.estimation.turns import Turn, speed_of
 from baselines.recordings.clock import TickClock, number_of
@@ -23,7 +22,7 @@ from baselines.recordings.track_modes import in_units, names_of_modes
 from baselines.recordings.track_state import Snapshot, TrackState
 from baselines.rules.decider import Decider
 from baselines.rules.external import CheckedDecider, as_decider, name_of
-from baselines.rules.fixed_lag import FixedLagSmoother
+from baselines.rules.fixed_lag import LARGEST_LAG, FixedLagSmoother
 from baselines.rules.hindsight import PROCESS_SHARE
 from hybrid_env.checks import (
     FloatArray,
@@ -121,7 +120,7 @@ class OnlineTracker(OwnState):
     ):
         self.track = TurnTracks(options)
         self.options = options
-        self.lag = None if lag is None else check_integer("lag", lag, 1, BLOCK - 1)
+        self.lag = None if lag is None else check_integer("lag", lag, 1, LARGEST_LAG)
         if lag is not None and self.track.announced:
             raise reject("lag", lag, "None with announced switches")
         self.decider = as_decider(decider)
@@ -141,6 +140,12 @@ class OnlineTracker(OwnState):
         self._ask = CheckedDecider(self.decider, self.options.action_count)
         self._longest = options.longest_segment
         self._try_decider()
+        if self.lag is not None:
+            # Its code is compiled now, and not while the sensor measures.
+            row = np.zeros(9 if self.options.sensors else 2)
+            smoother = FixedLagSmoother(self.track.options, 1, row)
+            for _ in range(2):
+                smoother.step(row)
         self.begin()
 
     @classmethod
@@ -419,12 +424,17 @@ class OnlineTracker(OwnState):
         # A single one may agree only because its prediction is so uncertain.
         state.far *= state.agreed < 2
         self.track.measure(point.position, point)
-        self._settle(point)
+        self._settle(point, before)
         self._decide(self.track.counts)
         return "used"
 
-    def _settle(self, point: Fused | None) -> None:
-        """Decide the tick `lag` ticks ago again, after a tick with or without a measurement."""
+    def _settle(self, point: Fused | None, start: Moments | None = None) -> None:
+        """Decide the tick `lag` ticks ago again, after a tick with or without a measurement.
+
+        Args:
+            point: what was measured, moved to the tick.
+            start: estimate and covariance one tick before the first measurement of a track.
+        """
         state = self.state
         if self.lag is None or (state.smoother is None and point is None):
             return
@@ -435,8 +445,8 @@ class OnlineTracker(OwnState):
             row[2:5] = (noise / self._noise[0])[: len(row) - 2]
             row[5 : 5 + len(point.rates)] = point.rates
         if state.smoother is None:
-            share = PROCESS_SHARE
-            state.smoother = FixedLagSmoother(self.track.options, self.lag, row, share)
+            arguments = self.track.options, self.lag, row, start
+            state.smoother = FixedLagSmoother(*arguments, PROCESS_SHARE)
         settled = state.smoother.step(row)
         if settled is not None:
             moments = self.units.moments(settled.estimate, settled.covariance)
@@ -521,7 +531,7 @@ class OnlineTracker(OwnState):
             state.collected = None
             return True
         collected.add(*point.position, point.covariance, self._late)
-        self._settle(point)
+        self._settle(self._at_tick(point, collected.estimate, collected.covariance))
         state.measured = True
         state.position = point.position
         if state.announced_ticks is not None:
@@ -570,6 +580,10 @@ class OnlineTracker(OwnState):
             estimate[::2] += self._late * estimate[1::2]
         units = self.units
         estimate, covariance = units.moments(estimate, covariance)
+        settled = state.settled
+        if settled is not None and self.lag is not None and state.time is not None:
+            ago = self._late * units.second + self.lag * self.tau
+            settled = settled._replace(time=state.time - ago)
         return OnlineEstimate(
             mode,
             decided,
@@ -579,7 +593,7 @@ class OnlineTracker(OwnState):
             status,
             units.place(estimate),
             turn if units.same else units.turn(turn),
-            state.settled,
+            settled,
         )
 
     def _try_decider(self) -> None:

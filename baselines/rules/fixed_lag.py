@@ -1,19 +1,22 @@
 """Modes and estimates of a live track some ticks later, when more measurements have come."""
 
+import math
 from collections import deque
 from typing import NamedTuple
 
 import numpy as np
 
+from baselines.estimation.pieces import BLOCK
 from baselines.rules.beam_filters import BY_LAW
-from baselines.rules.hindsight import beam_of, choose_modes, smoother_of, unknown_starts, worth_of
+from baselines.rules.hindsight import beam_of, choose_modes, smoother_of, starts_of, worth_of
 from baselines.rules.lattice import LatticeWalk, smooth_lattice
-from hybrid_env.checks import AnyArray, FloatArray
+from hybrid_env.checks import AnyArray, FloatArray, Moments
 from hybrid_env.quickest_options import QuickestOptions
 
-# Rows that are still to come for which the mode of the last one counts: otherwise no change would
-# be worth its cost with a short lag. Chosen for simulated objects with lags of 1 to 20.
+# Number of future rows that are counted for the mode of the last one: otherwise no change would be
+# worth its cost with a short lag. It was chosen for simulated objects with lags of 1 to 20.
 AHEAD = 3.0
+LARGEST_LAG = BLOCK - 1
 
 
 class Settled(NamedTuple):
@@ -23,15 +26,17 @@ class Settled(NamedTuple):
         mode: with the one before, and the next ones until now, those with the largest expected
             number of right ticks, less 2 for each change.
         probabilities: (M,) of the modes; those of `smooth_modes` with the same number of branches
-            for a recording that ends now.
-        estimate: (4,) [x, vx, y, vy], smoothed along the modes.
+            and share of the process noise for a recording that ends now.
+        estimate: (4,) [x, vx, y, vy] at the tick, smoothed along the modes.
         covariance: (4, 4) of the estimate.
+        time: of the tick, in the unit of the times of a tracker; NaN without them.
     """
 
     mode: int
     probabilities: FloatArray
     estimate: FloatArray
     covariance: FloatArray
+    time: float = math.nan
 
 
 class FixedLagSmoother:
@@ -41,18 +46,24 @@ class FixedLagSmoother:
         options: of the environment whose model is assumed.
         lag: number of ticks by which a tick is settled later.
         first: (2,) or (9,) first measurement, see `smooth_modes`.
-        process_share: see `smooth_modes`.
+        start: likewise.
+        process_share: likewise.
     """
 
     def __init__(
-        self, options: QuickestOptions, lag: int, first: FloatArray, process_share: float = 1.0
+        self,
+        options: QuickestOptions,
+        lag: int,
+        first: FloatArray,
+        start: Moments | None = None,
+        process_share: float = 1.0,
     ):
         # Covariance xx, xy, yy of a measured position [m^2].
         self._noise = np.array([options.variances[0], 0.0, options.variances[-1]])
         most, self.model = beam_of(options, None, process_share)
         self._positions = np.full((lag + 1, 2), np.nan)
         self._noises = np.tile(self._noise_of(first), (lag + 1, 1))
-        starts, rough = unknown_starts(first[:2], self._noises[0], options)
+        starts, rough = starts_of(start, first[:2], self._noises[0], options)
         self._walk = LatticeWalk(starts, most, self.model)
         self._smoother = smoother_of(options, self._positions, self._noises, rough)
         self._parts: deque[list[AnyArray]] = deque(maxlen=lag + 1)

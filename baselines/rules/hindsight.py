@@ -42,9 +42,9 @@ STANDS = 0.3
 OUTSIDE = 0.025
 # Prior probability that the turns of a recording begin with their whole curvature.
 ABRUPT = 0.9
-# Of the process noise of a recording, by which modes are decided: a noise that was found also
-# covers brakes, and turns that begin gradually. Chosen for simulated objects with both; a given
-# noise has it too.
+# Share of the process noise of a recording, found or given, by which modes are decided: a noise
+# that was found also covers brakes, and turns that begin gradually. It was chosen for simulated
+# objects with both.
 PROCESS_SHARE = 0.3
 
 
@@ -126,12 +126,10 @@ def smooth_modes(
         model = model._replace(order=np.full_like(model.order, 1.0 / options.hypotheses))
     # The first segment begins with the first measurement.
     ends[0] = 0.0
-    if start is None:
-        starts, rough = unknown_starts(values[0, :2], noises[0], options)
-    else:
-        rough = check_array("start", start[0], (4,)), check_array("start", start[1], (4, 4))
-        check_covariance("start", rough[1], definite=False)
-        starts = np.array([[*rough[0], *rough[1][TRIANGLE]]])
+    if start is not None:
+        start = check_array("start", start[0], (4,)), check_array("start", start[1], (4, 4))
+        check_covariance("start", start[1], definite=False)
+    starts, rough = starts_of(start, values[0, :2], noises[0], options)
     if branches is None and most * len(values) <= NODES:
         most = max(most, min(LARGEST, NODES // len(values)))
         model = model._replace(depth=DEPTH)
@@ -166,7 +164,7 @@ def smooth_modes(
         rows = np.add.reduceat(measured.astype(int), pieces[:, 0])
         motions = options.motions[pieces[:, 2]]
         begins, moments, gradual = find_begins(pieces, rows, motions, smoother.compare())
-        if (begins != pieces[:, 0]).any():
+        if gradual.any():
             pieces = np.stack([begins, np.append(begins[1:], len(values)), pieces[:, 2]], axis=1)
             modes = np.repeat(pieces[:, 2], pieces[:, 1] - begins)
             smoothed = smoother.smooth(pieces, gradual)
@@ -210,14 +208,15 @@ def smoother_of(
     )
 
 
-def unknown_starts(
-    position: FloatArray, noise: FloatArray, options: QuickestOptions
+def starts_of(
+    start: Moments | None, position: FloatArray, noise: FloatArray, options: QuickestOptions
 ) -> tuple[FloatArray, Moments]:
     """Return where an object may have been one tick before its first measurement.
 
-    What is said of the position has little weight beside the measurement.
+    Without a start what is said of the position has little weight beside the measurement.
 
     Args:
+        start: estimate (4,) and covariance (4, 4); None if nothing is known.
         position: (2,) that was measured first [m].
         noise: (3,) xx, xy, yy of its covariance [m^2].
         options: with the speed of the object.
@@ -226,6 +225,8 @@ def unknown_starts(
         (k, 14) starts with headings all around, see `lattice.walk_lattice`, and one estimate with
         its covariance for all of them.
     """
+    if start is not None:
+        return np.array([[*start[0], *start[1][TRIANGLE]]]), start
     angles = 2.0 * np.pi * np.arange(HEADINGS) / HEADINGS
     x, y = position
     wide = 25.0 * max(noise[0], noise[2])
@@ -315,9 +316,9 @@ def choose_modes(
 
 def find_begins(
     pieces: IntArray, rows: IntArray, motions: AnyArray, log_likelihoods: FloatArray
-) -> tuple[IntArray, IntArray, int]:
+) -> tuple[IntArray, IntArray, IntArray]:
     """Return the begins of pieces (K,), the intervals that hold them with a probability of .95,
-    (K, 2), and the ticks for which turns have half their curvature.
+    (K, 2), and the ticks (K,) for which turns have half their curvature.
 
     All turns begin abruptly, or all gradually, with half their curvature for some ticks. If a
     gradual way is the most probable one, turns and what follows them begin where that is most
@@ -345,15 +346,17 @@ def find_begins(
         ways = softmax(np.log(prior) + of_ways[turns & inside].sum(0))
     of_shifts = np.exp(compared - of_ways[:, :, None])
     begins, moments = pieces[:, 0].copy(), pieces[:, [0, 0]]
+    gradual = np.zeros(len(pieces), int)
     if ways.argmax() > 0:
         # No piece keeps less than three rows. Stops and other linear modes begin as decided.
         free = (np.minimum(rows[1:], rows[:-1]) > 2 * REACH + 2) & ~motions["linear"][1:]
         best = of_shifts[numbers, np.where(turns, ways.argmax(), 0)].argmax(1)
         begins[1:] += np.where(free, best - REACH, 0)
+        gradual[1:] = np.where(free & turns, GRADUAL[ways.argmax()], 0)
     shares = np.where(turns[:, None], ways, abrupt)
     sums = np.cumsum((shares[:, :, None] * of_shifts).sum(1), axis=1)
     for column, probability in enumerate((OUTSIDE, 1.0 - OUTSIDE)):
         moments[1:, column] += (sums < probability).sum(1) - REACH
     moments[:, 0] = np.minimum(moments[:, 0], begins)
     moments[:, 1] = np.maximum(moments[:, 1], begins)
-    return begins, moments, int(GRADUAL[ways.argmax()])
+    return begins, moments, gradual

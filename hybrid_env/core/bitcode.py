@@ -65,7 +65,9 @@ def load(name: str, folder: Path = FOLDER) -> int:
     compiled. The cache keeps its machine code.
     """
     path = path_of(name, folder)
-    if config.DISABLE_JIT or config.BOUNDSCHECK or not path.is_file():
+    # Settings of numba that the kernel would not follow.
+    settings = config.DISABLE_JIT or config.BOUNDSCHECK or config.CPU_NAME or config.CPU_FEATURES
+    if settings or not path.is_file():
         return 0
     # It also tells LLVM where the functions of the C library are.
     prepare(call, 0, 0, announced=False)
@@ -96,12 +98,12 @@ def load(name: str, folder: Path = FOLDER) -> int:
 
 
 def _machine_code(path: Path, machine: Any) -> bytes:
-    """Return the object file of a kernel for a processor; b"" if this LLVM cannot read the bitcode,
-    if it is for another system, or if it calls more than functions of `math`.
+    """Return the object file of a kernel for a processor; b"" if the file is damaged or this LLVM
+    cannot read it, if it is for another system, or if it calls more than functions of `math`.
     """
     try:
         module = llvm.parse_bitcode(lzma.decompress(path.read_bytes()))
-    except RuntimeError:
+    except (RuntimeError, EOFError, lzma.LZMAError):
         return b""
     if module.triple != llvm.get_process_triple():
         return b""

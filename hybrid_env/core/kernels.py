@@ -33,7 +33,7 @@ the user always has it.
 
 def entry_point(bank: type, parameters: Any, live: bool) -> Kernel:
     """Return the function, ready to be called, that advances tracks with these parameters, a record
-    `PARAMETERS`, into which the address of its bitcode is written.
+    `PARAMETERS`, into which the address of its machine code is written if it came as bitcode.
 
     Its arguments are the address of such a record, whose arrays must exist during the call, and a
     command. `STEP` steps every track, and a terminated track begins its next episode; its last

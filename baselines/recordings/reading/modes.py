@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from baselines.recordings.reading.cleaning import ordered_rows, remarks
 from baselines.recordings.reading.columns import MODE, find_columns
 from baselines.recordings.reading.files import read_table
-from baselines.recordings.reading.names import plain_name, role_of
+from baselines.recordings.reading.names import ROW_FILES, plain_name, role_of
 from baselines.recordings.reading.read import cell_text, object_rows, read_times
 from baselines.recordings.recording import dates_since
 from hybrid_env.checks import ArgumentError, FloatArray, reject
@@ -74,7 +74,7 @@ def read_modes(
 
     Args:
         path: the file, or a folder of results of `hybridtrack track`, whose files estimates.csv
-            are read.
+            or estimates.parquet are read.
         columns: name or number (from 1) of the columns `time` and `mode`; None finds them by their
             names.
         object_column: as in `read_recordings`.
@@ -129,7 +129,7 @@ def read_modes(
 
 def _read_folder(folder: Path, **options: Any) -> ModeFile:
     """Read the results in a folder."""
-    paths = sorted(folder.rglob("estimates.*"))
+    paths = [path for name in ROW_FILES for path in sorted(folder.rglob(name))]
     if not paths:
         raise reject("file", str(folder), "a folder with estimates.csv of hybridtrack track")
     result = ModeFile({}, {})

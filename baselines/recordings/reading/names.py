@@ -8,6 +8,8 @@ from hybrid_env.checks import reject
 
 # Value of --object for a file with one object.
 ONE_OBJECT = "none"
+# Rows of the results of a recording, as CSV and as Parquet.
+ROW_FILES = ("estimates.csv", "estimates.parquet")
 
 ROLES = {
     "time": (

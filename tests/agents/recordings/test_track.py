@@ -70,6 +70,8 @@ def test_rows_are_the_same_in_parts_and_in_a_parquet_file(drive, monkeypatch):
     pd.testing.assert_frame_equal(rows.astype(table.dtypes), table, check_exact=True)
     assert rows["decided"].dtype == bool
     assert read_modes(drive.parent / "True").modes == {"drive": table["mode"].tolist()}
+    Track(files=(drive,), png=False, overwrite=True, out=drive.parent / "True").run()
+    assert not (drive.parent / "True" / "estimates.parquet").exists()
 
 
 ROWS = 60
