@@ -164,7 +164,7 @@ def smooth_modes(
         rows = np.add.reduceat(measured.astype(int), pieces[:, 0])
         motions = options.motions[pieces[:, 2]]
         begins, moments, gradual = find_begins(pieces, rows, motions, smoother.compare())
-        if gradual.any():
+        if gradual.any() or (begins != pieces[:, 0]).any():
             pieces = np.stack([begins, np.append(begins[1:], len(values)), pieces[:, 2]], axis=1)
             modes = np.repeat(pieces[:, 2], pieces[:, 1] - begins)
             smoothed = smoother.smooth(pieces, gradual)
