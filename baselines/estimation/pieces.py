@@ -93,6 +93,22 @@ class Memory(NamedTuple):
 
 
 @internal
+def _carried(A: FloatArray, P: FloatArray) -> FloatArray:
+    """Return A P A' of matrices (7, 7). Products of so few numbers take less time than calls of a
+    library for matrices.
+    """
+    turned = A.T.copy()
+    half = np.zeros((STATES, STATES))
+    whole = np.zeros((STATES, STATES))
+    for left, right, product in ((P, turned, half), (A, half, whole)):
+        for i in range(STATES):
+            for k in range(STATES):
+                for j in range(STATES):
+                    product[i, j] += left[i, k] * right[k, j]
+    return whole
+
+
+@internal
 def _begin(
     x: FloatArray, P: FloatArray, curvature: float, acceleration: float, speed: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -127,7 +143,7 @@ def _begin(
         slope = acceleration / max(known, math.sqrt(P[2, 2] + P[3, 3]), 1e-12)
         begun[4:6] = acceleration * along
         J[4:6, 2:4] = slope * (np.eye(2) - np.outer(along, along))
-    spread = J @ P @ J.T
+    spread = _carried(J, P)
     spread[6, 6] += (SPREAD * begun[6]) ** 2
     return begun, spread, J
 
@@ -144,7 +160,7 @@ def _predict(
     A[:6, 6] = slope
     x = A @ x
     x[:6] += segments.B[place] - slope * segments.rates[place]
-    P = A @ P @ A.T
+    P = _carried(A, P)
     P[:6, :6] += segments.Q[place]
     return x, P
 
@@ -201,6 +217,7 @@ def _filter(
     speed: float,
     freedom: float,
     memory: Memory,
+    known: int,
 ) -> None:
     """Filter the ticks of a block and fill its memory.
 
@@ -212,11 +229,12 @@ def _filter(
         speed: as in `_begin`.
         freedom: of Student's t errors; 0 is normal ones.
         memory: its first rows have state and covariance before the block.
+        known: number of first ticks that the memory has already.
     """
-    x = memory.states[0].copy()
-    P = memory.covariances[0].copy()
+    x = memory.states[known].copy()
+    P = memory.covariances[known].copy()
     A, J = np.eye(STATES), np.eye(STATES)
-    for k in range(len(measurements) - first):
+    for k in range(known, len(measurements) - first):
         place = segments.places[first + k]
         begins = segments.begins[first + k]
         if begins:
@@ -315,9 +333,9 @@ def _go_back(memory: Memory, k: int, adjoint: FloatArray, information: FloatArra
     step = memory.steps[k]
     seen = step[:2]
     # The step, and what the correction by the measurement leaves of it.
-    left = step - memory.gains[k] @ seen
-    adjoint[:] = left.T @ adjoint - seen.T @ (inverse @ memory.errors[k])
-    information[:] = left.T @ information @ left + seen.T @ inverse @ seen
+    left = (step - memory.gains[k] @ seen).T.copy()
+    adjoint[:] = left @ adjoint - seen.T @ (inverse @ memory.errors[k])
+    information[:] = _carried(left, information) + seen.T @ inverse @ seen
 
 
 @compiled
@@ -355,11 +373,22 @@ def _smooth_first(
     speed: float,
     freedom: float,
     memory: Memory,
+    last: IntArray,
     means: FloatArray,
     covariances: FloatArray,
 ) -> None:
-    """Smooth the first tick of a block; the arguments are those of `_filter` and `_return`."""
-    _filter(measurements, noises, 0, segments, speed, freedom, memory)
+    """Smooth the first tick of a block; the arguments are those of `_filter` and `_return`.
+
+    The memory is that of a block that began one tick earlier, whose ticks had the segments `last`.
+    """
+    known = 0
+    while known < len(last) - 1 and last[known + 1] == segments.places[known]:
+        known += 1
+    for array in (memory.states, memory.errors):
+        array[:-1] = array[1:].copy()
+    for stack in (memory.covariances, memory.steps, memory.gains, memory.inverses):
+        stack[:-1] = stack[1:].copy()
+    _filter(measurements, noises, 0, segments, speed, freedom, memory, known)
     adjoint, information = np.zeros(STATES), np.zeros((STATES, STATES))
     for k in range(len(measurements) - 1, 0, -1):
         _go_back(memory, k, adjoint, information)
@@ -429,6 +458,8 @@ class PieceSmoother:
         """Allocate the memory of a block."""
         self.pieces = np.empty((0, 3), int)
         self.rates = np.empty(0)
+        # Modes of the last call of `smooth_first`.
+        self.last: IntArray | None = None
         ticks = min(BLOCK, len(self.measurements))
         self.memory = Memory(
             np.zeros((ticks + 1, STATES)),
@@ -461,7 +492,7 @@ class PieceSmoother:
         """Filter the block that begins at a tick, and return the number of its ticks."""
         end = min(first + BLOCK, len(self.measurements))
         arguments = self.measurements[:end], self.noises, first, segments
-        run_compiled(_filter, *arguments, self.speed, self.freedom, self.memory)
+        run_compiled(_filter, *arguments, self.speed, self.freedom, self.memory, 0)
         return end - first
 
     def begin(self) -> Moments:
@@ -529,24 +560,23 @@ class PieceSmoother:
         rates = _curvatures(self.motions) * self.speed
         return self._segments(np.empty((0, 3), int), self.motions, rates)
 
-    def smooth_first(
-        self, modes: IntArray, begins: BoolArray, before: Moments
-    ) -> tuple[FloatArray, FloatArray, Moments]:
+    def smooth_first(self, modes: IntArray, begins: BoolArray) -> Moments:
         """Return estimate (4,) and covariance (4, 4) of the first tick given the measurements of
-        all, at most `BLOCK`, and its state (7,) and covariance (7, 7) given its own.
+        all, at most `BLOCK`. At the next call all ticks are one later.
 
         Args:
             modes: (T,) of the ticks.
             begins: (T,) True where a segment begins.
-            before: state and covariance one tick before.
         """
-        self._anchor(*before)
+        if self.last is None:
+            self.memory.states[1], self.memory.covariances[1] = self.begin()
+            self.last = np.full(len(modes), -1)
         segments = self._modes._replace(places=modes, begins=begins)
         means, spreads = np.empty((1, STATES)), np.empty((1, STATES, STATES))
         arguments = self.measurements, self.noises, segments, self.speed, self.freedom
-        run_compiled(_smooth_first, *arguments, self.memory, means, spreads)
-        after = self.memory.states[1].copy(), self.memory.covariances[1].copy()
-        return means[0, ORDER], spreads[0][ORDER_OF_BOTH], after
+        run_compiled(_smooth_first, *arguments, self.memory, self.last, means, spreads)
+        self.last = modes
+        return means[0, ORDER], spreads[0][ORDER_OF_BOTH]
 
     def compare(self) -> FloatArray:
         """Return log-likelihoods of what is measured around the begins of the pieces that were

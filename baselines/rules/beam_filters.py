@@ -48,6 +48,8 @@ from hybrid_env.compiled import (
 FIRST, LATER = 0, 1
 # In place of the probability that every segment ends after a tick, where the law says it.
 BY_LAW = -1.0
+# Probability of a branch at a tick below which it is no node of a lattice, see `lattice`.
+SMALLEST = 1e-7
 # Segments of a history that may be told apart from those of another one when both end.
 DEPTH = 3
 # Of a branch: its present mode, ticks of the present segment so far, 1 at its first measurement,
@@ -402,7 +404,7 @@ class Walk(NamedTuple):
     nodes: AnyArray
     # (T, N, B) groups of the branches.
     groups: AnyArray
-    # (T, N, B) probabilities of the branches; 0 of none.
+    # (T, N, B) probabilities of the branches; 0 of none, and below `SMALLEST`.
     weights: Float32Array
 
 
@@ -493,4 +495,5 @@ def walk_branches(
             walk.nodes[tick, track, b] = begun * groups_of(capacity, model) + history.parents
             walk.groups[tick, track, b] = history.group
             log_weight = branches.filters[track, b // LANES].log_likelihood[b % LANES]
-            walk.weights[tick, track, b] = math.exp(log_weight)
+            weight = math.exp(log_weight)
+            walk.weights[tick, track, b] = weight if weight > SMALLEST else 0.0

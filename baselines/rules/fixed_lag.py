@@ -1,7 +1,6 @@
 """Modes and estimates of a live track some ticks later, when more measurements have come."""
 
 import math
-from collections import deque
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +9,7 @@ from baselines.estimation.pieces import BLOCK
 from baselines.rules.beam_filters import BY_LAW
 from baselines.rules.hindsight import beam_of, choose_modes, smoother_of, starts_of, worth_of
 from baselines.rules.lattice import LatticeWalk, smooth_lattice
-from hybrid_env.checks import AnyArray, FloatArray, Moments
+from hybrid_env.checks import FloatArray, Moments
 from hybrid_env.quickest_options import QuickestOptions
 
 # Number of future rows that are counted for the mode of the last one: otherwise no change would be
@@ -66,11 +65,12 @@ class FixedLagSmoother:
         starts, rough = starts_of(start, first[:2], self._noises[0], options)
         self._walk = LatticeWalk(starts, most, self.model)
         self._smoother = smoother_of(options, self._positions, self._noises, rough)
-        self._parts: deque[list[AnyArray]] = deque(maxlen=lag + 1)
+        self._arrays = self._walk.arrays(lag + 1)
+        self._offsets = np.arange(lag + 2) * self._arrays[0][0].size
+        self._ends = np.full(lag + 1, BY_LAW)
         self._worth = worth_of(options.motions)
-        # Mode that was settled last, and the filtered state there.
+        # Mode that was settled last.
         self._mode: int | None = None
-        self._before = self._smoother.begin()
 
     def _noise_of(self, row: FloatArray) -> FloatArray:
         """Return the covariance (3,) of the measured position of a row."""
@@ -80,23 +80,21 @@ class FixedLagSmoother:
         """Advance by one tick with a measurement like the first one, NaN if there is none; return
         what is known of the tick `lag` ticks ago, None if there is no such tick.
         """
-        for array, values in ((self._positions, row[:2]), (self._noises, self._noise_of(row))):
+        for array in (self._positions, self._noises, *self._arrays):
             array[:-1] = array[1:]
-            array[-1] = values
+        self._positions[-1], self._noises[-1] = row[:2], self._noise_of(row)
         end = BY_LAW if self._walk.ticks else 0.0
-        self._parts.append(self._walk.extend(row[None], np.full(1, end)))
-        if len(self._parts) < len(self._positions):
+        self._walk.extend(row[None], np.full(1, end), *(array[-1:] for array in self._arrays))
+        if self._walk.ticks < len(self._positions):
             return None
-        arrays = [np.concatenate(values) for values in zip(*self._parts, strict=True)]
-        lattice = self._walk.lattice(arrays, np.full(len(self._parts), BY_LAW))
+        arrays = [array.ravel() for array in self._arrays]
+        lattice = self._walk.lattice(self._offsets, arrays, self._ends)
         probabilities = smooth_lattice(lattice, self.model)
         weights = (~np.isnan(self._positions[:, 0])).astype(float)
         weights[-1] += AHEAD
         worth = probabilities @ self._worth
         modes = choose_modes(worth, weights, last=self._mode)
         begins = modes != np.append(-1 if self._mode is None else self._mode, modes[:-1])
-        estimate, covariance, self._before = self._smoother.smooth_first(
-            modes, begins, self._before
-        )
         self._mode = int(modes[0])
-        return Settled(self._mode, probabilities[0], estimate, covariance)
+        moments = self._smoother.smooth_first(modes, begins)
+        return Settled(self._mode, probabilities[0], *moments)

@@ -37,8 +37,6 @@ from baselines.rules.measurements import estimate_in
 from hybrid_env.checks import AnyArray, Float32Array, FloatArray, IntArray
 from hybrid_env.compiled import INNOVATION, MEASURED, aligned_zeros, compiled, run_compiled
 
-# Weight of a node at a tick below which it is not kept.
-SMALLEST = 1e-7
 # Ticks that are walked at a time.
 BLOCK = 4096
 
@@ -58,7 +56,7 @@ class Lattice(NamedTuple):
     nodes: AnyArray
     # (n,) to which they belong when the next nodes begin.
     groups: AnyArray
-    # (n,) probabilities.
+    # (n,) probabilities; 0 of what is no node.
     weights: Float32Array
     # (T,) probability that a segment ends before a tick, or `BY_LAW`.
     ends: FloatArray
@@ -111,41 +109,44 @@ class LatticeWalk:
         self.most = groups_of(capacity, model)
         run_compiled(_begin, self.branches, starts, model)
 
-    def extend(self, measurements: FloatArray, ends: FloatArray) -> list[AnyArray]:
-        """Walk over further T measurements, and return the numbers (T,) of nodes, then nodes,
-        groups and weights as in `Lattice`.
+    def extend(
+        self,
+        measurements: FloatArray,
+        ends: FloatArray,
+        nodes: AnyArray,
+        groups: AnyArray,
+        weights: Float32Array,
+    ) -> None:
+        """Walk over further T measurements, and write what is probable at their ticks.
 
         Args:
             measurements: (T, 2) or (T, 9), see `sensing.write_measured`; NaN where there is none.
             ends: (T,) as of `Lattice`; that of the first tick of the track is 0.
+            nodes: (T, 1, B) as `groups` and `weights` those of `beam_filters.Walk`, written.
+            groups: see above.
+            weights: see above.
         """
-        shape = len(measurements), 1, self.branches.histories.shape[1]
-        arrays = [np.zeros(shape, kind) for kind in (np.int32, np.uint16, np.float32)]
-        walk = Walk(measurements[:, None], ends, self.ticks, *arrays)
+        weights[:] = 0.0
+        walk = Walk(measurements[:, None], ends, self.ticks, nodes, groups, weights)
         arguments = *self.memory, walk, self.log_probability, self.model
         run_compiled(walk_branches, self.branches, *arguments)
         self.ticks += len(measurements)
-        probable = walk.weights > SMALLEST
-        return [probable.sum((1, 2)), *(values[probable] for values in arrays)]
 
-    def lattice(self, arrays: Sequence[AnyArray], ends: FloatArray) -> Lattice:
+    def arrays(self, ticks: int) -> list[AnyArray]:
+        """Return memory for nodes, groups and weights of some ticks, see `extend`."""
+        shape = ticks, 1, self.branches.histories.shape[1]
+        return [np.zeros(shape, kind) for kind in (np.int32, np.uint16, np.float32)]
+
+    def lattice(self, offsets: IntArray, arrays: Sequence[AnyArray], ends: FloatArray) -> Lattice:
         """Return the lattice of the last ticks.
 
         Args:
-            arrays: of these ticks, as `extend` returns them.
+            offsets: (T + 1,) as of `Lattice`.
+            arrays: nodes, groups and weights of all ticks, one after the other.
             ends: (T,) as of `Lattice`.
         """
-        counts, nodes, groups, weights = arrays
-        return Lattice(
-            self.ticks - len(ends),
-            np.append(0, np.cumsum(counts)),
-            nodes,
-            groups,
-            weights,
-            ends,
-            self.most,
-            float(self.branches.evidence[0]),
-        )
+        evidence = float(self.branches.evidence[0])
+        return Lattice(self.ticks - len(ends), offsets, *arrays, ends, self.most, evidence)
 
 
 def walk_lattice(
@@ -153,14 +154,20 @@ def walk_lattice(
 ) -> Lattice:
     """Walk over all measurements of a track; the arguments are those of `LatticeWalk`."""
     walk = LatticeWalk(starts, branches, model)
-    arrays = walk.extend(measurements[:BLOCK], ends[:BLOCK])
-    for first in range(BLOCK, len(measurements), BLOCK):
+    kept = [np.zeros(0, array.dtype) for array in walk.arrays(0)]
+    offsets = np.zeros(len(ends) + 1, int)
+    for first in range(0, len(ends), BLOCK):
         part = slice(first, first + BLOCK)
-        for array, more in zip(arrays, walk.extend(measurements[part], ends[part]), strict=True):
+        arrays = walk.arrays(len(ends[part]))
+        walk.extend(measurements[part], ends[part], *arrays)
+        probable = arrays[-1] > 0.0
+        offsets[1:][part] = kept[0].size + probable.sum((1, 2)).cumsum()
+        for array, values in zip(kept, arrays, strict=True):
+            more = values[probable]
             # In place, because those of a long recording are larger than all else.
             array.resize(array.size + more.size, refcheck=False)
-            array[-more.size :] = more
-    return walk.lattice(arrays, ends)
+            array[array.size - more.size :] = more
+    return walk.lattice(offsets, kept, ends)
 
 
 @compiled
@@ -198,13 +205,18 @@ def _smooth(
     for j in range(offsets[ticks - 1], offsets[ticks]):
         total += weights[j]
     for j in range(offsets[ticks - 1], offsets[ticks]):
-        node = nodes[j] + (ticks - 1) * kinds
-        if node >= 0:
-            alive[node] += weights[j] / total
-        now[nodes[j] // most % modes] += weights[j] / total
+        if weights[j] > 0.0:
+            node = nodes[j] + (ticks - 1) * kinds
+            if node >= 0:
+                alive[node] += weights[j] / total
+            now[nodes[j] // most % modes] += weights[j] / total
     for k in range(ticks - 1, -1, -1):
+        # Sums of shares have errors of rounding.
+        total = 0.0
         for mode in range(modes):
-            probabilities[k, mode] = now[mode]
+            total += max(now[mode], 0.0)
+        for mode in range(modes):
+            probabilities[k, mode] = max(now[mode], 0.0) / total
         if k == 0:
             break
         shares = np.empty(offsets[k] - offsets[k - 1])
@@ -216,14 +228,15 @@ def _smooth(
             total = 0.0
             for j in range(shares.size):
                 shares[j] = 0.0
-                if groups[offsets[k - 1] + j] != kind % most:
+                weight = weights[offsets[k - 1] + j]
+                if weight == 0.0 or groups[offsets[k - 1] + j] != kind % most:
                     continue
                 segment = nodes[offsets[k - 1] + j] // most
                 parent = segment % modes
                 age = 1 - segment // modes
                 row = FIRST if age == first + k else LATER
                 hazard = hazard_at(row, parent, age, ends[k], model)
-                shares[j] = weights[offsets[k - 1] + j] * hazard * model.order[parent, mode]
+                shares[j] = weight * hazard * model.order[parent, mode]
                 total += shares[j]
             if total == 0.0:
                 # Its parents were too improbable to be kept: it follows those that were.
@@ -243,6 +256,4 @@ def smooth_lattice(lattice: Lattice, model: BeamModel) -> FloatArray:
     """Return the probabilities of the modes at every tick, (T, M), given all measurements."""
     probabilities = np.zeros((len(lattice.ends), model.motions.size))
     run_compiled(_smooth, *lattice[:-1], probabilities, model)
-    # Sums of shares have errors of rounding.
-    probabilities = probabilities.clip(0.0)
-    return probabilities / probabilities.sum(1, keepdims=True)
+    return probabilities
