@@ -146,7 +146,9 @@ class LatticeWalk:
             ends: (T,) as of `Lattice`.
         """
         evidence = float(self.branches.evidence[0])
-        return Lattice(self.ticks - len(ends), offsets, *arrays, ends, self.most, evidence)
+        nodes, groups, weights = arrays
+        first = self.ticks - len(ends)
+        return Lattice(first, offsets, nodes, groups, weights, ends, self.most, evidence)
 
 
 def walk_lattice(
