@@ -1,42 +1,25 @@
-"""Estimates along known modes, given all measurements: a filter forwards and its adjoint backwards.
-
-In straight motion and turns the state is [x, y, vx, vy, ux, uy, turn rate] of `turns`, whose radius
-is not known exactly; in a linear mode [x, y, vx, vy, ax, ay, 0]. A segment begins with the position
-and the velocity of the one before, and what else its mode says. The motion is linear but for the
-turn rate, which does not change in a segment: it is linearised at the turn rate that the smoother
-found before. The smoother is that of Bryson & Frazier 1963 in the form of Bierman 1973, "Fixed
-interval smoothing with discrete measurements": it inverts no covariance of the state, which is
-singular where a segment begins or an object stands.
-
-Forwards, a tick predicts state x and covariance P by its step A. A measurement z of the position H
-x, whose errors have the covariance R, corrects them:
-
-    S = H P H' + R    K = P H' S^-1    x := x + K (z - H x)    P := (I - K H) P
-
-Backwards, the adjoint l and the information L of all later ticks begin with 0. After the correction
-of a tick the smoothed state is x - P l, and its covariance P - P L P. Then the tick itself adds
-what it says, of the quantities forwards before the correction:
-
-    l := A' ((I - K H)' l - H' S^-1 (z - H x))
-    L := A' ((I - K H)' L (I - K H) + H' S^-1 H) A
-
-Where a segment begins, A is the product of its first step and of the matrix by which its state
-follows from that of the segment before. The filter of a block runs again before its way back, so
-that memory does not grow with all that it remembers.
-"""
+"""Estimates along known modes, given all measurements. See `piece_filter` for the equations."""
 
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
-from baselines.estimation.turns import turn_of
+from baselines.estimation.piece_filter import (
+    REACH,
+    STATES,
+    Memory,
+    Segments,
+    compare_begins,
+    compare_modes,
+    filter_block,
+    smooth_block,
+    smooth_first,
+)
 from hybrid_env.checks import AnyArray, BoolArray, FloatArray, IntArray, Moments
-from hybrid_env.compiled import compiled, internal, run_compiled
+from hybrid_env.compiled import run_compiled
 
-STATES = 7
 # Places of x, vx, y, vy in the state, and of their covariance.
 ORDER = [0, 2, 1, 3]
 ORDER_OF_BOTH = np.ix_(ORDER, ORDER)
@@ -44,355 +27,13 @@ ORDER_OF_BOTH = np.ix_(ORDER, ORDER)
 LINEAR = [0, 2, 1, 3, 4, 5]
 # Ticks of a block.
 BLOCK = 512
-# Relative deviation of the curvature of a turn from that of its mode.
+# Relative deviation of the curvature of a turn from that of its mode, and from what was smoothed.
 SPREAD = 0.5
+SMOOTHED = 0.2
 # Times that the turn rates are found anew.
 ROUNDS = 3
-# Ticks for which a turn may have half of its curvature at its begin.
-GRADUAL = np.array([0, 2, 4, 8])
-# Ticks between the begin of a piece and others with which it is compared.
-REACH = 10
-
-
-class Segments(NamedTuple):
-    """What the K segments of a track are made of. Further rows are no part of the track: in
-    `PieceSmoother.compare` the same segments with half the curvature.
-    """
-
-    # (T,) number of the segment of each tick.
-    places: IntArray
-    # (T,) True where one begins.
-    begins: BoolArray
-    # (K,) 1 / radius of the mode, positive to the left; 0 of others.
-    curvatures: FloatArray
-    # (K,) acceleration along the heading at the begin; NaN of straight motion and turns.
-    accelerations: FloatArray
-    # (K, 6, 6) by which the first six states move in a tick, its derivative by the turn rate, what
-    # is added, and the covariance of the noise.
-    F: FloatArray
-    slopes: FloatArray
-    B: FloatArray
-    Q: FloatArray
-    # (K,) turn rate at which the motion is linearised.
-    rates: FloatArray
-
-
-class Memory(NamedTuple):
-    """What the filter remembers of the n ticks of a block."""
-
-    # (n + 1, 7) and (n + 1, 7, 7), of which the first rows are those before the block.
-    states: FloatArray
-    covariances: FloatArray
-    # (n, 7, 7) of the state by that of the tick before.
-    steps: FloatArray
-    # (n, 7, 2)
-    gains: FloatArray
-    # (n, 2) innovations, and (n, 2, 2) the inverses of their covariances, 0 without a measurement.
-    errors: FloatArray
-    inverses: FloatArray
-
-
-@internal
-def _carried(A: FloatArray, P: FloatArray) -> FloatArray:
-    """Return A P A' of matrices (7, 7). Products of so few numbers take less time than calls of a
-    library for matrices.
-    """
-    turned = A.T.copy()
-    half = np.zeros((STATES, STATES))
-    whole = np.zeros((STATES, STATES))
-    for left, right, product in ((P, turned, half), (A, half, whole)):
-        for i in range(STATES):
-            for k in range(STATES):
-                for j in range(STATES):
-                    product[i, j] += left[i, k] * right[k, j]
-    return whole
-
-
-@internal
-def _begin(
-    x: FloatArray, P: FloatArray, curvature: float, acceleration: float, speed: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Begin a segment at the estimate of the one before.
-
-    Args:
-        x: (7,) state of the segment before, of which position and velocity count.
-        P: (7, 7) its covariance.
-        curvature: of the mode, see `Segments`.
-        acceleration: of the mode, likewise.
-        speed: of a turn if the estimate does not tell it, as after a stop [m/s].
-
-    Returns:
-        State (7,), covariance (7, 7), and the matrix (7, 7) of the state by that before.
-    """
-    begun = np.zeros(STATES)
-    begun[:4] = x[:4]
-    J = np.zeros((STATES, STATES))
-    J[:4, :4] = np.eye(4)
-    known = math.hypot(x[2], x[3])
-    along = x[2:4] / max(known, 1e-300)
-    if math.isnan(acceleration):
-        begun[4:6] = x[2:4]
-        J[4:6, 2:4] = np.eye(2)
-        if P[2, 2] + P[3, 3] < known**2:
-            begun[6] = curvature * known
-            J[6, 2:4] = curvature * along
-        else:
-            begun[6] = curvature * speed
-    else:
-        # Bounded as in `anchor_aware.begin_hypothesis`.
-        slope = acceleration / max(known, math.sqrt(P[2, 2] + P[3, 3]), 1e-12)
-        begun[4:6] = acceleration * along
-        J[4:6, 2:4] = slope * (np.eye(2) - np.outer(along, along))
-    spread = _carried(J, P)
-    spread[6, 6] += (SPREAD * begun[6]) ** 2
-    return begun, spread, J
-
-
-@internal
-def _predict(
-    x: FloatArray, P: FloatArray, A: FloatArray, place: int, segments: Segments
-) -> tuple[FloatArray, FloatArray]:
-    """Return state and covariance after a tick of a segment, and write the matrix (7, 7) of the
-    state by that before.
-    """
-    A[:6, :6] = segments.F[place]
-    slope = segments.slopes[place] @ x[:6]
-    A[:6, 6] = slope
-    x = A @ x
-    x[:6] += segments.B[place] - slope * segments.rates[place]
-    P = _carried(A, P)
-    P[:6, :6] += segments.Q[place]
-    return x, P
-
-
-@internal
-def _correct(
-    x: FloatArray,
-    P: FloatArray,
-    measurement: FloatArray,
-    noise: FloatArray,
-    freedom: float,
-    inverse: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]:
-    """Return state and covariance after a measurement, the gain (7, 2), the innovation (2,), and
-    the log-likelihood without its constant; of Student's t errors that of a normal one with the
-    noise that is used.
-
-    Args:
-        x: (7,) predicted state.
-        P: (7, 7) its covariance.
-        measurement: (2,) position, NaN if there is none [m].
-        noise: (3,) its covariance xx, xy, yy [m^2].
-        freedom: of Student's t errors; 0 is normal ones.
-        inverse: (2, 2) of the covariance of the innovation, 0 without a measurement, written.
-    """
-    if math.isnan(measurement[0]):
-        inverse[:] = 0.0
-        return x, P, np.zeros((STATES, 2)), np.zeros(2), 0.0
-    error = measurement - x[:2]
-    S = np.empty((2, 2))
-    weight = 1.0
-    # To a robust likelihood the noise of a measurement that is far is larger.
-    for _ in range(2 if freedom > 0.0 else 1):
-        xx, xy, yy = noise / weight
-        S[0, 0], S[0, 1] = P[1, 1] + yy, -P[0, 1] - xy
-        S[1, 0], S[1, 1] = S[0, 1], P[0, 0] + xx
-        determinant = S[0, 0] * S[1, 1] - S[0, 1] * S[1, 0]
-        inverse[:] = S / determinant
-        distance = float(error @ (inverse @ error))
-        weight = min((freedom + 2.0) / (freedom + distance), 1.0)
-    gain = np.ascontiguousarray(P[:, :2]) @ inverse
-    P = P - gain @ P[:2]
-    log_likelihood = -0.5 * (distance + math.log(determinant))
-    # Rounding errors that are not symmetric would grow.
-    return x + gain @ error, 0.5 * (P + P.T), gain, error, log_likelihood
-
-
-@compiled
-def _filter(
-    measurements: FloatArray,
-    noises: FloatArray,
-    first: int,
-    segments: Segments,
-    speed: float,
-    freedom: float,
-    memory: Memory,
-    known: int,
-) -> None:
-    """Filter the ticks of a block and fill its memory.
-
-    Args:
-        measurements: (T, 2) positions up to the end of the block, NaN where there is none [m].
-        noises: (T, 3) their covariances xx, xy, yy [m^2].
-        first: number of the first tick of the block.
-        segments: of the whole track.
-        speed: as in `_begin`.
-        freedom: of Student's t errors; 0 is normal ones.
-        memory: its first rows have state and covariance before the block.
-        known: number of first ticks that the memory has already.
-    """
-    x = memory.states[known].copy()
-    P = memory.covariances[known].copy()
-    A, J = np.eye(STATES), np.eye(STATES)
-    for k in range(known, len(measurements) - first):
-        place = segments.places[first + k]
-        begins = segments.begins[first + k]
-        if begins:
-            curvature, acceleration = segments.curvatures[place], segments.accelerations[place]
-            x, P, J = _begin(x, P, curvature, acceleration, speed)
-        x, P = _predict(x, P, A, place, segments)
-        memory.steps[k] = A @ J if begins else A
-        seen, noise = measurements[first + k], noises[first + k]
-        x, P, gain, error, _ = _correct(x, P, seen, noise, freedom, memory.inverses[k])
-        memory.gains[k] = gain
-        memory.errors[k] = error
-        memory.states[k + 1] = x
-        memory.covariances[k + 1] = P
-
-
-@compiled
-def _compare(
-    measurements: FloatArray,
-    noises: FloatArray,
-    pieces: IntArray,
-    segments: Segments,
-    speed: float,
-    freedom: float,
-    firsts: IntArray,
-    states: FloatArray,
-    covariances: FloatArray,
-    gradual: IntArray,
-    log_likelihoods: FloatArray,
-) -> None:
-    """Write how likely the measurements around the begin of each piece are if it begins elsewhere,
-    or gradually.
-
-    Args:
-        measurements: as in `_filter`.
-        noises: likewise.
-        pieces: (K, 3) as in `PieceSmoother.smooth`.
-        segments: of the pieces, and then the same with half the curvature.
-        speed: as in `_begin`.
-        freedom: as in `_filter`.
-        firsts: (K,) first of the begins that are compared.
-        states: (K, 7) before these ticks.
-        covariances: (K, 7, 7) of the states.
-        gradual: (G,) ticks with half the curvature.
-        log_likelihoods: see `PieceSmoother.compare`, written.
-    """
-    A = np.eye(STATES)
-    inverse = np.empty((2, 2))
-    count = len(pieces)
-    for k in range(1, count):
-        begin, end = pieces[k, 0], pieces[k, 1]
-        # All ways are the same of what is no turn.
-        ways = len(gradual) if segments.curvatures[k] != 0.0 else 1
-        x, P = states[k].copy(), covariances[k].copy()
-        before = 0.0
-        # The begin itself is always compared.
-        for now in range(firsts[k], max(begin + 1, min(begin + REACH + 1, end - 1))):
-            for g in range(ways):
-                log_likelihood = before
-                y, V = x, P
-                whole = now + gradual[g]
-                for tick in range(now, min(end, begin + 3 * REACH)):
-                    place = k if tick >= whole else count + k
-                    if tick in (now, whole):
-                        curvature = segments.curvatures[place]
-                        y, V, _ = _begin(y, V, curvature, segments.accelerations[place], speed)
-                    y, V = _predict(y, V, A, place, segments)
-                    seen = measurements[tick]
-                    y, V, _, _, more = _correct(y, V, seen, noises[tick], freedom, inverse)
-                    log_likelihood += more
-                log_likelihoods[k, g:, now - begin + REACH] = log_likelihood
-            # The piece before goes on.
-            x, P = _predict(x, P, A, k - 1, segments)
-            x, P, _, _, more = _correct(x, P, measurements[now], noises[now], freedom, inverse)
-            before += more
-
-
-@internal
-def _smoothed(
-    memory: Memory,
-    k: int,
-    adjoint: FloatArray,
-    information: FloatArray,
-    means: FloatArray,
-    covariances: FloatArray,
-) -> None:
-    """Write state and covariance of tick k of a block, given its later ticks too."""
-    P = memory.covariances[k + 1]
-    means[k] = memory.states[k + 1] - P @ adjoint
-    covariances[k] = P - P @ information @ P
-
-
-@internal
-def _go_back(memory: Memory, k: int, adjoint: FloatArray, information: FloatArray) -> None:
-    """Bring what later ticks say to the begin of tick k of a block."""
-    inverse = memory.inverses[k]
-    step = memory.steps[k]
-    seen = step[:2]
-    # The step, and what the correction by the measurement leaves of it.
-    left = (step - memory.gains[k] @ seen).T.copy()
-    adjoint[:] = left @ adjoint - seen.T @ (inverse @ memory.errors[k])
-    information[:] = _carried(left, information) + seen.T @ inverse @ seen
-
-
-@compiled
-def _return(
-    memory: Memory,
-    adjoint: FloatArray,
-    information: FloatArray,
-    means: FloatArray,
-    covariances: FloatArray,
-    turns: FloatArray,
-) -> None:
-    """Smooth a block that was filtered.
-
-    Args:
-        memory: of the block.
-        adjoint: (7,) of the later blocks; it is brought to the begin of this one.
-        information: (7, 7) likewise.
-        means: (n, 7) smoothed states, written.
-        covariances: (n, 7, 7) their covariances, written.
-        turns: (n, 4) see `turns.Turn`, written.
-    """
-    for k in range(len(means) - 1, -1, -1):
-        _smoothed(memory, k, adjoint, information, means, covariances)
-        values = turn_of(means[k], covariances[k])
-        for j in range(4):
-            turns[k, j] = values[j]
-        _go_back(memory, k, adjoint, information)
-
-
-@compiled
-def _smooth_first(
-    measurements: FloatArray,
-    noises: FloatArray,
-    segments: Segments,
-    speed: float,
-    freedom: float,
-    memory: Memory,
-    last: IntArray,
-    means: FloatArray,
-    covariances: FloatArray,
-) -> None:
-    """Smooth the first tick of a block; the arguments are those of `_filter` and `_return`.
-
-    The memory is that of a block that began one tick earlier, whose ticks had the segments `last`.
-    """
-    known = 0
-    while known < len(last) - 1 and last[known + 1] == segments.places[known]:
-        known += 1
-    for array in (memory.states, memory.errors):
-        array[:-1] = array[1:].copy()
-    for stack in (memory.covariances, memory.steps, memory.gains, memory.inverses):
-        stack[:-1] = stack[1:].copy()
-    _filter(measurements, noises, 0, segments, speed, freedom, memory, known)
-    adjoint, information = np.zeros(STATES), np.zeros((STATES, STATES))
-    for k in range(len(measurements) - 1, 0, -1):
-        _go_back(memory, k, adjoint, information)
-    _smoothed(memory, 0, adjoint, information, means, covariances)
+# Times at the begin of a piece in which its curvature may be the mean of that before and its own.
+GRADUAL = np.array([0, 2, 4, 8, 16])
 
 
 def _matrices(rates: FloatArray, tau: float) -> Moments:
@@ -457,7 +98,7 @@ class PieceSmoother:
     def __post_init__(self) -> None:
         """Allocate the memory of a block."""
         self.pieces = np.empty((0, 3), int)
-        self.rates = np.empty(0)
+        self.rates, self.radii = np.empty((2, 0))
         # Modes of the last call of `smooth_first`.
         self.last: IntArray | None = None
         ticks = min(BLOCK, len(self.measurements))
@@ -486,13 +127,13 @@ class PieceSmoother:
         places = np.repeat(np.arange(len(pieces)), pieces[:, 1] - pieces[:, 0])
         accelerations = np.where(linear, of_pieces["acceleration"], np.nan)
         curvatures = _curvatures(of_pieces)
-        return Segments(places, begins, curvatures, accelerations, F, slopes, B, Q, rates)
+        return Segments(places, begins, curvatures, accelerations, F, slopes, B, Q, rates, SPREAD)
 
     def _filter(self, first: int, segments: Segments) -> int:
         """Filter the block that begins at a tick, and return the number of its ticks."""
         end = min(first + BLOCK, len(self.measurements))
         arguments = self.measurements[:end], self.noises, first, segments
-        run_compiled(_filter, *arguments, self.speed, self.freedom, self.memory, 0)
+        run_compiled(filter_block, *arguments, self.speed, self.freedom, self.memory, 0)
         return end - first
 
     def begin(self) -> Moments:
@@ -513,7 +154,7 @@ class PieceSmoother:
 
         Args:
             pieces: (K, 3) first tick, end, and row of `motions` of the segments.
-            gradual: (K,) ticks for which a segment has half its curvature at its begin; None is 0.
+            gradual: (K,) ticks for which a segment begins gradually, see `GRADUAL`; None is 0.
         """
         ticks = len(self.measurements)
         of_pieces = self.motions[pieces[:, 2]]
@@ -522,8 +163,9 @@ class PieceSmoother:
             numbers = np.repeat(np.arange(len(pieces)), 1 + split)
             second = np.diff(numbers, prepend=-1) == 0
             first = split[numbers] & ~second
+            begun = _gradual(of_pieces)[numbers[first]]
             pieces, of_pieces, gradual = pieces[numbers], of_pieces[numbers], gradual[numbers]
-            of_pieces["signed_radius"][first] *= 2.0
+            of_pieces[first] = begun
             pieces[second, 0] += gradual[second]
             pieces[first, 1] = pieces[first, 0] + gradual[first]
         memory = self.memory
@@ -546,11 +188,12 @@ class PieceSmoother:
                 count = self._filter(first, segments)
                 part = slice(first, first + count)
                 smoothed = means[:count], spreads[:count], results[2][part]
-                run_compiled(_return, memory, adjoint, information, *smoothed)
+                run_compiled(smooth_block, memory, adjoint, information, *smoothed)
                 results[0][part] = means[:count, ORDER]
                 results[1][part] = spreads[:count][:, ORDER_OF_BOTH[0], ORDER_OF_BOTH[1]]
                 found[part] = means[:count, 6]
             self.rates = found[pieces[:, 1] - 1]
+        self.radii = results[2][pieces[:, 1] - 1, 2]
         results[2][of_pieces["linear"][segments.places], 2:] = np.nan
         return results
 
@@ -574,41 +217,98 @@ class PieceSmoother:
         segments = self._modes._replace(places=modes, begins=begins)
         means, spreads = np.empty((1, STATES)), np.empty((1, STATES, STATES))
         arguments = self.measurements, self.noises, segments, self.speed, self.freedom
-        run_compiled(_smooth_first, *arguments, self.memory, self.last, means, spreads)
+        run_compiled(smooth_first, *arguments, self.memory, self.last, means, spreads)
         self.last = modes
         return means[0, ORDER], spreads[0][ORDER_OF_BOTH]
 
-    def compare(self) -> FloatArray:
-        """Return log-likelihoods of what is measured around the begins of the pieces that were
-        smoothed last, (K, G, 2 REACH + 1): if the first ticks of a turn, see `GRADUAL`, have half
-        its curvature, and if a piece begins up to `REACH` ticks before or after; -inf where it
-        cannot, and for the first piece.
+    def _filtered(
+        self, ticks: IntArray, segments: Segments
+    ) -> tuple[FloatArray, FloatArray, float]:
+        """Return states (n, 7) and covariances (n, 7, 7) before some ticks (n,), from the
+        measurements before them, and how large innovations are: the median of their squared
+        normalised lengths, 1 if the model holds.
         """
-        pieces = self.pieces
-        of_pieces = self.motions[pieces[:, 2]]
-        half = of_pieces.copy()
-        half["signed_radius"] *= 2.0
-        rates = np.concatenate([self.rates, 0.5 * self.rates])
-        segments = self._segments(pieces, np.concatenate([of_pieces, half]), rates)
-        firsts = pieces[:, 0] - REACH
-        firsts[1:] = np.maximum(firsts[1:], pieces[:-1, 0] + 1)
-        states = np.zeros((len(pieces), STATES))
-        covariances = np.zeros((len(pieces), STATES, STATES))
+        states = np.zeros((len(ticks), STATES))
+        covariances = np.zeros((len(ticks), STATES, STATES))
         memory = self.memory
+        distances = []
         self._anchor(*self.begin())
         for first in range(0, len(self.measurements), BLOCK):
             count = self._filter(first, segments)
-            here = np.flatnonzero((firsts >= first) & (firsts < first + count))
-            states[here] = memory.states[firsts[here] - first]
-            covariances[here] = memory.covariances[firsts[here] - first]
+            errors, inverses = memory.errors[:count], memory.inverses[:count]
+            distances.append(np.einsum("ti,tij,tj->t", errors, inverses, errors))
+            here = np.flatnonzero((ticks >= first) & (ticks < first + count))
+            states[here] = memory.states[ticks[here] - first]
+            covariances[here] = memory.covariances[ticks[here] - first]
             self._anchor(memory.states[count], memory.covariances[count])
+        measured = ~np.isnan(self.measurements[:, 0])
+        # Over the median of the squared length of a normalised innovation in two dimensions.
+        misfit = np.median(np.concatenate(distances)[measured]) / (2.0 * math.log(2.0))
+        return states, covariances, float(misfit)
+
+    def compare_modes(self, numbers: IntArray) -> FloatArray:
+        """Return log-likelihoods of what is measured in some of the pieces that were smoothed last,
+        if they had other modes, (n, M): of the first `10 REACH` ticks of each.
+
+        Args:
+            numbers: (n,) of the pieces.
+        """
+        pieces = self.pieces[numbers]
+        segments = self._segments(self.pieces, self.motions[self.pieces[:, 2]], self.rates)
+        states, covariances, _ = self._filtered(pieces[:, 0], segments)
+        compared = np.zeros((len(pieces), len(self.motions)))
+        arguments = self.measurements, self.noises, pieces, self._modes, self.speed, self.freedom
+        run_compiled(compare_modes, *arguments, states, covariances, compared)
+        return compared
+
+    def compare(self, stride: int, process_share: float) -> tuple[FloatArray, float]:
+        """Return log-likelihoods of what is measured around the begins of the pieces that were
+        smoothed last, (K, G, 2 REACH + 1): if they begin gradually, see `GRADUAL`, and up to
+        `REACH` times before or after; -inf where one cannot, and for the first piece. Also return
+        how large innovations are, 1 if the model holds.
+
+        Args:
+            stride: number of ticks of a time.
+            process_share: of the process noise that counts.
+        """
+        pieces = self.pieces
+        of_pieces = self.motions[pieces[:, 2]]
+        # The smoothed radius, unless it is far from that of the mode.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            factors = self.radii / np.abs(of_pieces["signed_radius"])
+        of_pieces["signed_radius"] *= np.where(factors > 0.0, factors.clip(0.5, 2.0), 1.0)
+        begun = _gradual(of_pieces)
+        rates = np.append(self.rates, _curvatures(begun) * self.speed)
+        segments = self._segments(pieces, np.concatenate([of_pieces, begun]), rates)
+        segments = segments._replace(spread=SMOOTHED)
+        segments.Q[:] *= process_share
+        before = np.diff(pieces[:, 0], prepend=0) - 1
+        firsts = pieces[:, 0] - stride * np.minimum(before // stride, REACH)
+        states, covariances, misfit = self._filtered(firsts, segments)
         compared = np.full((len(pieces), len(GRADUAL), 2 * REACH + 1), -np.inf)
         arguments = self.measurements, self.noises, pieces, segments, self.speed, self.freedom
-        run_compiled(_compare, *arguments, firsts, states, covariances, GRADUAL, compared)
-        return compared
+        gradual = stride * GRADUAL
+        run_compiled(
+            compare_begins, *arguments, firsts, states, covariances, gradual, stride, compared
+        )
+        return compared, misfit
 
 
 def _curvatures(of_pieces: AnyArray) -> FloatArray:
     """Return 1 / radius of records `MOTION`, 0 of straight motion."""
     radii = of_pieces["signed_radius"]
     return np.divide(1.0, radii, out=np.zeros(len(radii)), where=radii != 0.0)
+
+
+def _gradual(of_pieces: AnyArray) -> AnyArray:
+    """Return records `MOTION` of pieces whose curvature is the mean of that before and their own,
+    the same ones at the begin of a track, and of and after linear modes.
+    """
+    begun = of_pieces.copy()
+    curvatures = _curvatures(of_pieces)
+    linear = of_pieces["linear"]
+    turns = np.append(False, ~(linear[1:] | linear[:-1]))
+    means = 0.5 * (curvatures + np.append(0.0, curvatures[:-1]))
+    radii = np.divide(1.0, means, out=np.zeros(len(means)), where=means != 0.0)
+    begun["signed_radius"][turns] = radii[turns]
+    return begun

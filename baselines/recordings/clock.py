@@ -13,11 +13,15 @@ from hybrid_env.checks import reject
 def number_of(time: Any) -> float:
     """Return a time as a number, of a date that since 1970 [s]; it may be NaN or infinite."""
     with suppress(OverflowError, ValueError, OSError):
+        if isinstance(time, np.datetime64):
+            return float((time - np.datetime64(0, "s")) / np.timedelta64(1, "s"))
+        if isinstance(time, str):
+            time = datetime.fromisoformat(time)
         if isinstance(time, datetime):
             return time.timestamp()
         if not isinstance(time, (bool, np.bool_, np.timedelta64)) and isinstance(time, Real):
             return float(time)
-    raise reject("time", time, "a number, NaN if it is not known, or a datetime")
+    raise reject("time", time, "a number, NaN if it is not known, or a date")
 
 
 class TickClock:

@@ -204,13 +204,25 @@ def _more_radii(
     """Add radii while the criterion allows it. penalty: logarithm of the number of measurements."""
     # Smallest difference of the logarithms of two radii that are proposed together.
     distinct = 0.25
+
+    def is_turn(radius: float) -> bool:
+        """Whether a turn is told from straight motion, which is .2 rad in a mean duration, from the
+        noise, and from a turn of the opposite direction.
+        """
+        angle = best.speed / radius
+        noise = 3.0 * math.sqrt(best.measurement_variance)
+        return angle * min(best.duration, 75.0) > 0.2 and angle < 1.0 and radius > noise
+
     value = likelihood(best)
     while len(best.radii) < 3:
         more = [
             replace(best, radii=(*best.radii, radius))
             for radius in (best.speed / angle for angle in ANGLES)
             if min(abs(math.log(radius / other)) for other in best.radii) > distinct
+            and is_turn(radius)
         ]
+        if not more:
+            break
         candidate = max(more, key=likelihood)
         if likelihood(candidate) < value + 0.5 * penalty:
             break
@@ -220,7 +232,7 @@ def _more_radii(
         if (
             likeliest < value + penalty + CLEARLY
             or closest < distinct
-            or _turns_are_noise(candidate)
+            or not all(map(is_turn, candidate.radii))
         ):
             break
         best = candidate
@@ -281,21 +293,25 @@ def _refine(likelihood: Likelihood, start: TrackModel, free: list[str]) -> Track
 
 
 def with_stop(grid: TickGrid, moving: TrackModel, whole: TrackModel) -> TrackModel:
-    """Return the model of the moving parts of a recording, with a stop as its last mode and a mean
-    duration that counts the stops; or the model of the whole recording, if a stop explains it no
-    better than motion, as of an object that is slow for a moment.
+    """Return a model with a stop as its last mode, of the moving parts of a recording with a mean
+    duration that counts the stops, or of the whole one; or the model of the whole recording without
+    a stop, if it explains the recording clearly better, as of an object that is slow for a moment.
     """
-    stopping = replace(
-        moving, modes=(*moving.all_modes, Stop()), estimated=(*moving.estimated, "modes")
-    )
-    stops, *moves = (model.run(grid, (), 2048)[0] for model in (stopping, moving, whole))
-    clearly = stops.log_likelihood > max(each.log_likelihood for each in moves) + CLEARLY
+    stopping = [
+        replace(model, modes=(*model.all_modes, Stop()), estimated=(*model.estimated, "modes"))
+        for model in (moving, whole)
+    ]
+    models = [*stopping, moving, whole]
+    passes = [model.run(grid, (), 2048)[0] for model in models]
+    values = [each.log_likelihood for each in passes]
+    best = int(np.argmax(values[:2]))
+    clearly = max(values[:2]) < max(values[2:]) - CLEARLY
     # Given radii are those of the object.
-    if not clearly or ("radii" in moving.estimated and _turns_are_noise(moving)):
+    if clearly or ("radii" in moving.estimated and _turns_are_noise(models[best])):
         return whole
     if "duration" in moving.estimated:
-        stopping = replace(stopping, duration=_counted_duration(stops))
-    return stopping
+        return replace(models[best], duration=_counted_duration(passes[best]))
+    return models[best]
 
 
 def _counted_duration(result: Pass) -> float:

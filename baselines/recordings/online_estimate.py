@@ -7,7 +7,7 @@ from baselines.estimation.turns import Turn
 from baselines.rules.fixed_lag import Settled
 from hybrid_env.checks import FloatArray
 
-Status: TypeAlias = Literal["used", "missing", "far", "repeated", "late", "dropped"]
+Status: TypeAlias = Literal["begun", "used", "missing", "far", "repeated", "late", "dropped"]
 """What became of a measurement, see `OnlineEstimate`."""
 
 
@@ -26,10 +26,11 @@ class OnlineEstimate(NamedTuple):
         estimate: (4,) [x, vx, y, vy] at the time of the measurement, in the units of the
             measurements, with a projection in metres; NaN before the first measurement.
         covariance: (4, 4) of the estimate; variances that nothing is known of are infinite.
-        status: what became of the measurement: "used"; "missing", there was none; "far", no motion
-            of the track explains it; "repeated", it has the time or, although the object moves, the
-            position of the last one; "late", it was made before the last one, and all that came
-            after it has been filtered again; "dropped", it is too late or has no tick of its own.
+        status: what became of the measurement: "begun", it is the first one of a track; "used";
+            "missing", there was none; "far", no motion of the track explains it; "repeated", it has
+            the time or, although the object moves, the position of the last one; "late", it was
+            made before the last one, and all that came after it has been filtered again; "dropped",
+            it is too late or has no tick of its own.
         position: (x, y) of the estimate; with a projection latitude and longitude [deg].
         turn: speed and radius of the object with their deviations, in the units of the estimate.
             The radius is estimated although the hypothesis names another one.

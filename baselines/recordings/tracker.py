@@ -5,6 +5,7 @@ covariance.
 import copy
 import math
 import operator
+import warnings
 from datetime import datetime
 from typing import TYPE_CHECKING, Any, Self
 
@@ -66,8 +67,10 @@ class OnlineTracker(OwnState):
     Times may be any. A measurement belongs to the tick that is nearest, see `TickClock`, and is
     moved to it along the estimated velocity. In ticks without a measurement the bank predicts, and
     only deciders with filters of their own, whose `every_tick` is True, are asked. With unknown
-    switches, late measurements are used as if they had come in time. After a gap longer than `gap`,
-    or `patience` measurements in a row at earlier times, the track begins again.
+    switches, late measurements are used as if they had come in time. After a gap longer than `gap`
+    the track begins again, and after `patience` measurements in a row at earlier times if the clock
+    was set back, so that they go on where the object was, or if they begin a recording anew; else
+    after `history`. What a sensor has kept and sends late is dropped.
 
     A measurement far from every predicted position is not used (`gate`). After `patience` of them,
     without two used ones in a row between them, the track begins again with the next measurements.
@@ -104,6 +107,8 @@ class OnlineTracker(OwnState):
     # Number of measurements after which a snapshot is taken, see `Snapshot`. A late measurement is
     # used if at most so many came before it.
     history = 50
+    # Ticks between measurements above which a tracker warns of their unit.
+    longest_step = 100
     # Ticks of the longest gap: each is predicted, and later no prediction is of use.
     longest_gap = 10_000
 
@@ -139,6 +144,11 @@ class OnlineTracker(OwnState):
         self._noise = unit_noise(options)
         self._ask = CheckedDecider(self.decider, self.options.action_count)
         self._longest = options.longest_segment
+        # What was measured first, and when; whether the clock was set back; number of the last
+        # measurements that were far apart in time.
+        self._first: tuple[Fused | None, float] | None = None
+        self._set_back = False
+        self._apart = 0
         self._try_decider()
         if self.lag is not None:
             # Its code is compiled now, and not while the sensor measures.
@@ -244,7 +254,7 @@ class OnlineTracker(OwnState):
     def update(
         self,
         measurement: ArrayLike | dict[int, ArrayLike] | Fused | None,
-        time: float | datetime | None = None,
+        time: float | datetime | np.datetime64 | str | None = None,
     ) -> OnlineEstimate:
         """Process a measurement, and return what is known after it.
 
@@ -253,8 +263,9 @@ class OnlineTracker(OwnState):
                 longitude [deg] with a projection; or what the sensors of the options measured, as a
                 mapping from their place in the list: (x, y), (range, bearing) or (range, bearing,
                 range rate), bearings in radians; None or NaN if there is none.
-            time: of the measurement in the unit of `tau`, or a date; None is one tick after the
-                last one. A measurement whose time is NaN is dropped.
+            time: of the measurement in the unit of `tau`, or a date, also as text in the form of
+                ISO 8601; None is one tick after the last one. A measurement whose time is NaN is
+                dropped.
 
         Raises:
             ArgumentError: measurement or time have another form, or the measurement is missing and
@@ -281,6 +292,7 @@ class OnlineTracker(OwnState):
         """Process what was measured at a time after the last one."""
         if not self.track.announced:
             self._remember(point, time)
+        self._first = self._first or (point, time)
         self.state.time = time
         ticks, late = self.state.clock.advance(time)
         if ticks == 0:
@@ -308,15 +320,22 @@ class OnlineTracker(OwnState):
             for snapshot in self._snapshots
             for known in zip(snapshot.times, snapshot.points, strict=True)
         ]
-        if time == self.state.time or time in [moment for moment, _ in kept]:
-            return self._known("repeated")
         if point is None:
             return self._known("missing")
+        same = [earlier for moment, earlier in kept if moment == time]
+        repeated = time == self.state.time or len(same) > 0
+        if repeated and all(earlier == point for earlier in same):
+            return self._known("repeated")
         self._behind += 1
-        if self._behind >= self.patience:
-            # The clock was set back.
+        if self._behind == 1:
+            moments = self.track.estimate(), self.track.covariance()
+            goes_on = not self.begun or self._agrees(point, *moments)
+            self._set_back = goes_on or (point, time) == self._first
+        if self._behind >= (self.patience if self._set_back else self.history):
             self.begin()
             return self._at_time(point, time)
+        if repeated:
+            return self._known("repeated")
         if not any(since):
             return self._known("dropped")
         newest = len(since) - 1 - since[::-1].index(True)
@@ -341,9 +360,19 @@ class OnlineTracker(OwnState):
         track = self.track
         self._late = late / self.units.second
         missing = (ticks - (point is not None)) * state.measured
+        status: Status = "used" if state.measured else "begun"
+        if point is not None:
+            apart = not state.measured or ticks > self.longest_step
+            self._apart = self._apart + 1 if apart else 0
+        if point is not None and self._apart == self.patience:
+            warnings.warn(
+                f"the last {self.patience} measurements were more than {self.longest_step} ticks"
+                f" apart: are their times in the unit of tau={self.tau:.4g}?",
+                stacklevel=3,
+            )
         if state.collected is not None:
             if not self._begins_after(state.collected, point, missing):
-                return self._known("missing" if point is None else "used")
+                return self._known("missing" if point is None else status)
             missing = 0
         for k in range(missing):
             if point is None and k == missing - 1:
@@ -354,8 +383,8 @@ class OnlineTracker(OwnState):
             return self._known("missing")
         state.measured = True
         self._begin_announced()
-        status = self._use(point, ticks)
-        known = self._known(status)
+        used = self._use(point, ticks)
+        known = self._known(status if used == "used" else used)
         # The track begins anew; with announced switches in the same segment.
         if state.far >= self.patience:
             estimate = track.estimate()

@@ -6,14 +6,15 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import logsumexp, softmax
 
-from baselines.estimation.pieces import GRADUAL, REACH, PieceSmoother
+from baselines.estimation.pieces import PieceSmoother
 from baselines.rules.beam import BeamDecider
 from baselines.rules.beam_filters import BY_LAW, DEPTH, BeamModel
+from baselines.rules.begins import SHORT, find_begins, find_brakes, modes_of, pieces_of, runs_of
 from baselines.rules.lattice import smooth_lattice, walk_lattice
 from hybrid_env.checks import (
     AnyArray,
+    BoolArray,
     FloatArray,
     IntArray,
     Moments,
@@ -38,10 +39,6 @@ HEADINGS = 8
 CHANGE_COST = 2.0
 # Share of its usual speed below which an object that may stop stands, also while it brakes.
 STANDS = 0.3
-# Probability outside of the interval of a moment, on each side.
-OUTSIDE = 0.025
-# Prior probability that the turns of a recording begin with their whole curvature.
-ABRUPT = 0.9
 # Share of the process noise of a recording, found or given, by which modes are decided: a noise
 # that was found also covers brakes, and turns that begin gradually. It was chosen for simulated
 # objects with both.
@@ -54,7 +51,8 @@ class SmoothedModes(NamedTuple):
     Attributes:
         modes: (T,) those with the largest expected number of right rows, less 2 for each change. If
             one of them is a stop, it is also that of rows whose smoothed speed is below .3 of the
-            usual one. Where turns begin gradually, begins are then moved, see `find_begins`.
+            usual one. Where turns begin or end gradually, and before stops, begins are then moved,
+            see `begins`.
         probabilities: (T, M) of the modes.
         pieces: (K, 3) first tick, end and mode of the pieces.
         moments: (K, 2) first and last tick of the interval that holds the begin of a piece with a
@@ -137,40 +135,75 @@ def smooth_modes(
     probabilities, log_likelihood = smooth_lattice(lattice, model), lattice.evidence
     # It is larger than all else of a long recording.
     del lattice
-    worth = probabilities @ worth_of(options.motions)
-
-    def decided() -> tuple[IntArray, IntArray]:
-        """Return modes (T,) and pieces (K, 3)."""
-        if switches is None:
-            modes = choose_modes(worth, measured.astype(float))
-            begins = np.flatnonzero(np.diff(modes, prepend=-1))
-        else:
-            begins = borders
-            sums = np.add.reduceat(probabilities, begins)
-            modes = np.repeat(sums.argmax(1), np.diff(begins, append=len(values)))
-        return modes, np.stack([begins, np.append(begins[1:], len(values)), modes[begins]], axis=1)
-
-    modes, pieces = decided()
     smoother = smoother_of(options, values[:, :2].copy(), noises, rough)
+    if switches is None:
+        arguments = probabilities, measured, options, smoother, process_share
+        pieces, moments, smoothed = _find_pieces(*arguments)
+    else:
+        decided = np.add.reduceat(probabilities, borders).argmax(1)
+        pieces = pieces_of(borders, decided, len(values))
+        moments, smoothed = pieces[:, [0, 0]], smoother.smooth(pieces)
+        smoothed[2][stops_of(options)[modes_of(pieces)], :2] = 0.0
+    modes = modes_of(pieces)
+    return SmoothedModes(modes, probabilities, pieces, moments, *smoothed, log_likelihood)
+
+
+def stops_of(options: QuickestOptions) -> BoolArray:
+    """Return whether each mode (M,) is a stop."""
+    return np.array([mode.type == "stop" for mode in options.all_modes])
+
+
+def _find_pieces(
+    probabilities: FloatArray,
+    measured: BoolArray,
+    options: QuickestOptions,
+    smoother: PieceSmoother,
+    process_share: float,
+) -> tuple[IntArray, IntArray, tuple[FloatArray, FloatArray, FloatArray]]:
+    """Return pieces and moments, as of `SmoothedModes`, with the estimates, covariances and turns
+    of a recording whose switches are not known.
+
+    Args:
+        probabilities: (T, M) of the modes.
+        measured: (T,) whether there is a measurement.
+        options: as of `smooth_modes`.
+        smoother: of the measurements.
+        process_share: as of `smooth_modes`.
+    """
+    ticks, weights = len(measured), measured.astype(float)
+    worth = probabilities @ worth_of(options.motions)
+    pieces = runs_of(choose_modes(worth, weights))
     smoothed = smoother.smooth(pieces)
-    stands = np.array([mode.type == "stop" for mode in options.all_modes])
-    if stands.any() and switches is None:
-        speeds = np.where(stands[modes], 0.0, smoothed[2][:, 0])
+    stands = stops_of(options)
+    if stands.any():
+        speeds = np.where(stands[modes_of(pieces)], 0.0, smoothed[2][:, 0])
         worth[speeds < STANDS * options.speed] = stands
-        modes, pieces = decided()
+        pieces = runs_of(choose_modes(worth, weights))
+        smoothed = smoother.smooth(pieces)
+        # The beam does not tell turns from each other that begin in an unknown direction.
+        linear = options.motions["linear"]
+        after = np.flatnonzero(stands[pieces[:-1, 2]] & ~linear[pieces[1:, 2]]) + 1
+        compared = np.where(linear, -np.inf, smoother.compare_modes(after))
+        pieces[after, 2] = compared.argmax(1)
+        pieces = runs_of(modes_of(pieces))
         smoothed = smoother.smooth(pieces)
     moments = pieces[:, [0, 0]]
-    if len(pieces) > 1 and switches is None:
+    if len(pieces) > 1:
         rows = np.add.reduceat(measured.astype(int), pieces[:, 0])
         motions = options.motions[pieces[:, 2]]
-        begins, moments, gradual = find_begins(pieces, rows, motions, smoother.compare())
+        begins, moments, gradual = find_begins(pieces, rows, motions, smoother, process_share)
         if gradual.any() or (begins != pieces[:, 0]).any():
-            pieces = np.stack([begins, np.append(begins[1:], len(values)), pieces[:, 2]], axis=1)
-            modes = np.repeat(pieces[:, 2], pieces[:, 1] - begins)
+            pieces = pieces_of(begins, pieces[:, 2], ticks)
             smoothed = smoother.smooth(pieces, gradual)
     # An object that stands has no speed, also where its position drifts.
-    smoothed[2][stands[modes], :2] = 0.0
-    return SmoothedModes(modes, probabilities, pieces, moments, *smoothed, log_likelihood)
+    smoothed[2][stands[modes_of(pieces)], :2] = 0.0
+    if stands.any():
+        short = SHORT * options.law.mean_duration
+        begins, kept = find_brakes(pieces, stands, smoothed[2][:, :2], short)
+        begins, moments = begins[kept], moments[kept]
+        pieces = pieces_of(begins, pieces[kept, 2], ticks)
+        moments[:, 0] = np.minimum(moments[:, 0], begins)
+    return pieces, moments, smoothed
 
 
 def beam_of(
@@ -312,51 +345,3 @@ def choose_modes(
         total[last] = 0.0
     run_compiled(_choose, probabilities, np.maximum(weights, 1e-6), cost, total, before, modes)
     return modes
-
-
-def find_begins(
-    pieces: IntArray, rows: IntArray, motions: AnyArray, log_likelihoods: FloatArray
-) -> tuple[IntArray, IntArray, IntArray]:
-    """Return the begins of pieces (K,), the intervals that hold them with a probability of .95,
-    (K, 2), and the ticks (K,) for which turns have half their curvature.
-
-    All turns begin abruptly, or all gradually, with half their curvature for some ticks. If a
-    gradual way is the most probable one, turns and what follows them begin where that is most
-    likely; else all begins remain. They also remain if for more than a quarter of the pieces the
-    likelihood of an abrupt begin is largest at the edge of what is compared: the model then
-    describes begins badly.
-
-    Args:
-        pieces: (K, 3) as of `SmoothedModes`, K > 1.
-        rows: (K,) numbers of their measurements.
-        motions: (K,) records `MOTION` of the pieces.
-        log_likelihoods: see `PieceSmoother.compare`.
-    """
-    compared = log_likelihoods[1:]
-    turns = motions["signed_radius"][1:] != 0.0
-    numbers = np.arange(len(compared))
-    of_ways = logsumexp(compared, axis=2)
-    padded = np.pad(compared[:, 0], ((0, 0), (1, 1)), constant_values=-np.inf)
-    peaks = compared[:, 0].argmax(1)
-    inside = np.isfinite(padded[numbers, peaks]) & np.isfinite(padded[numbers, peaks + 2])
-    abrupt = np.eye(len(GRADUAL))[0]
-    ways = abrupt
-    if inside.mean() >= 0.75:
-        prior = np.where(abrupt > 0.0, ABRUPT, (1.0 - ABRUPT) / (len(GRADUAL) - 1))
-        ways = softmax(np.log(prior) + of_ways[turns & inside].sum(0))
-    of_shifts = np.exp(compared - of_ways[:, :, None])
-    begins, moments = pieces[:, 0].copy(), pieces[:, [0, 0]]
-    gradual = np.zeros(len(pieces), int)
-    if ways.argmax() > 0:
-        # No piece keeps less than three rows. Stops and other linear modes begin as decided.
-        free = (np.minimum(rows[1:], rows[:-1]) > 2 * REACH + 2) & ~motions["linear"][1:]
-        best = of_shifts[numbers, np.where(turns, ways.argmax(), 0)].argmax(1)
-        begins[1:] += np.where(free, best - REACH, 0)
-        gradual[1:] = np.where(free & turns, GRADUAL[ways.argmax()], 0)
-    shares = np.where(turns[:, None], ways, abrupt)
-    sums = np.cumsum((shares[:, :, None] * of_shifts).sum(1), axis=1)
-    for column, probability in enumerate((OUTSIDE, 1.0 - OUTSIDE)):
-        moments[1:, column] += (sums < probability).sum(1) - REACH
-    moments[:, 0] = np.minimum(moments[:, 0], begins)
-    moments[:, 1] = np.maximum(moments[:, 1], begins)
-    return begins, moments, gradual

@@ -1,0 +1,415 @@
+"""Filter along known modes and its adjoint backwards; compiled code.
+
+In straight motion and turns the state is [x, y, vx, vy, ux, uy, turn rate] of `turns`, whose radius
+is not known exactly; in a linear mode [x, y, vx, vy, ax, ay, 0]. A segment begins with the position
+and the velocity of the one before, and what else its mode says. The motion is linear but for the
+turn rate, which does not change in a segment: it is linearised at the turn rate that the smoother
+found before. The smoother is that of Bryson & Frazier 1963 in the form of Bierman 1973, "Fixed
+interval smoothing with discrete measurements": it inverts no covariance of the state, which is
+singular where a segment begins or an object stands.
+
+Forwards, a tick predicts state x and covariance P by its step A. A measurement z of the position H
+x, whose errors have the covariance R, corrects them:
+
+    S = H P H' + R    K = P H' S^-1    x := x + K (z - H x)    P := (I - K H) P
+
+Backwards, the adjoint l and the information L of all later ticks begin with 0. After the correction
+of a tick the smoothed state is x - P l, and its covariance P - P L P. Then the tick itself adds
+what it says, of the quantities forwards before the correction:
+
+    l := A' ((I - K H)' l - H' S^-1 (z - H x))
+    L := A' ((I - K H)' L (I - K H) + H' S^-1 H) A
+
+Where a segment begins, A is the product of its first step and of the matrix by which its state
+follows from that of the segment before. The filter of a block runs again before its way back, so
+that memory does not grow with all that it remembers.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from baselines.estimation.turns import turn_of
+from hybrid_env.checks import BoolArray, FloatArray, IntArray
+from hybrid_env.compiled import compiled, internal
+
+STATES = 7
+# Number of begins on each side of that of a piece with which it is compared.
+REACH = 10
+
+
+class Segments(NamedTuple):
+    """What the K segments of a track are made of. Further rows are no part of the track: in
+    `PieceSmoother.compare` the same segments as they begin gradually.
+    """
+
+    # (T,) number of the segment of each tick.
+    places: IntArray
+    # (T,) True where one begins.
+    begins: BoolArray
+    # (K,) 1 / radius of the mode, positive to the left; 0 of others.
+    curvatures: FloatArray
+    # (K,) acceleration along the heading at the begin; NaN of straight motion and turns.
+    accelerations: FloatArray
+    # (K, 6, 6) by which the first six states move in a tick, its derivative by the turn rate, what
+    # is added, and the covariance of the noise.
+    F: FloatArray
+    slopes: FloatArray
+    B: FloatArray
+    Q: FloatArray
+    # (K,) turn rate at which the motion is linearised.
+    rates: FloatArray
+    # Relative deviation of the curvature of a turn from that of its segment.
+    spread: float
+
+
+class Memory(NamedTuple):
+    """What the filter remembers of the n ticks of a block."""
+
+    # (n + 1, 7) and (n + 1, 7, 7), of which the first rows are those before the block.
+    states: FloatArray
+    covariances: FloatArray
+    # (n, 7, 7) of the state by that of the tick before.
+    steps: FloatArray
+    # (n, 7, 2)
+    gains: FloatArray
+    # (n, 2) innovations, and (n, 2, 2) the inverses of their covariances, 0 without a measurement.
+    errors: FloatArray
+    inverses: FloatArray
+
+
+@internal
+def _carried(A: FloatArray, P: FloatArray) -> FloatArray:
+    """Return A P A' of matrices (7, 7). Products of so few numbers take less time than calls of a
+    library for matrices.
+    """
+    turned = A.T.copy()
+    half = np.zeros((STATES, STATES))
+    whole = np.zeros((STATES, STATES))
+    for left, right, product in ((P, turned, half), (A, half, whole)):
+        for i in range(STATES):
+            for k in range(STATES):
+                for j in range(STATES):
+                    product[i, j] += left[i, k] * right[k, j]
+    return whole
+
+
+@internal
+def _begin(
+    x: FloatArray, P: FloatArray, place: int, segments: Segments, speed: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Begin a segment at the estimate of the one before.
+
+    Args:
+        x: (7,) state of the segment before, of which position and velocity count.
+        P: (7, 7) its covariance.
+        place: number of the segment.
+        segments: of the track.
+        speed: of a turn if the estimate does not tell it, as after a stop [m/s].
+
+    Returns:
+        State (7,), covariance (7, 7), and the matrix (7, 7) of the state by that before.
+    """
+    curvature, acceleration = segments.curvatures[place], segments.accelerations[place]
+    begun = np.zeros(STATES)
+    begun[:4] = x[:4]
+    J = np.zeros((STATES, STATES))
+    J[:4, :4] = np.eye(4)
+    known = math.hypot(x[2], x[3])
+    along = x[2:4] / max(known, 1e-300)
+    if math.isnan(acceleration):
+        begun[4:6] = x[2:4]
+        J[4:6, 2:4] = np.eye(2)
+        if P[2, 2] + P[3, 3] < known**2:
+            begun[6] = curvature * known
+            J[6, 2:4] = curvature * along
+        else:
+            begun[6] = curvature * speed
+    else:
+        # Bounded as in `anchor_aware.begin_hypothesis`.
+        slope = acceleration / max(known, math.sqrt(P[2, 2] + P[3, 3]), 1e-12)
+        begun[4:6] = acceleration * along
+        J[4:6, 2:4] = slope * (np.eye(2) - np.outer(along, along))
+    spread = _carried(J, P)
+    spread[6, 6] += (segments.spread * begun[6]) ** 2
+    return begun, spread, J
+
+
+@internal
+def _predict(
+    x: FloatArray, P: FloatArray, A: FloatArray, place: int, segments: Segments
+) -> tuple[FloatArray, FloatArray]:
+    """Return state and covariance after a tick of a segment, and write the matrix (7, 7) of the
+    state by that before.
+    """
+    A[:6, :6] = segments.F[place]
+    slope = segments.slopes[place] @ x[:6]
+    A[:6, 6] = slope
+    x = A @ x
+    x[:6] += segments.B[place] - slope * segments.rates[place]
+    P = _carried(A, P)
+    P[:6, :6] += segments.Q[place]
+    return x, P
+
+
+@internal
+def _correct(
+    x: FloatArray,
+    P: FloatArray,
+    measurement: FloatArray,
+    noise: FloatArray,
+    freedom: float,
+    inverse: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]:
+    """Return state and covariance after a measurement, the gain (7, 2), the innovation (2,), and
+    the log-likelihood without its constant; of Student's t errors that of a normal one with the
+    noise that is used.
+
+    Args:
+        x: (7,) predicted state.
+        P: (7, 7) its covariance.
+        measurement: (2,) position, NaN if there is none [m].
+        noise: (3,) its covariance xx, xy, yy [m^2].
+        freedom: of Student's t errors; 0 is normal ones.
+        inverse: (2, 2) of the covariance of the innovation, 0 without a measurement, written.
+    """
+    if math.isnan(measurement[0]):
+        inverse[:] = 0.0
+        return x, P, np.zeros((STATES, 2)), np.zeros(2), 0.0
+    error = measurement - x[:2]
+    S = np.empty((2, 2))
+    weight = 1.0
+    # To a robust likelihood the noise of a measurement that is far is larger.
+    for _ in range(2 if freedom > 0.0 else 1):
+        xx, xy, yy = noise / weight
+        S[0, 0], S[0, 1] = P[1, 1] + yy, -P[0, 1] - xy
+        S[1, 0], S[1, 1] = S[0, 1], P[0, 0] + xx
+        determinant = S[0, 0] * S[1, 1] - S[0, 1] * S[1, 0]
+        inverse[:] = S / determinant
+        distance = float(error @ (inverse @ error))
+        weight = min((freedom + 2.0) / (freedom + distance), 1.0)
+    gain = np.ascontiguousarray(P[:, :2]) @ inverse
+    P = P - gain @ P[:2]
+    log_likelihood = -0.5 * (distance + math.log(determinant))
+    # Rounding errors that are not symmetric would grow.
+    return x + gain @ error, 0.5 * (P + P.T), gain, error, log_likelihood
+
+
+@compiled
+def filter_block(
+    measurements: FloatArray,
+    noises: FloatArray,
+    first: int,
+    segments: Segments,
+    speed: float,
+    freedom: float,
+    memory: Memory,
+    known: int,
+) -> None:
+    """Filter the ticks of a block and fill its memory.
+
+    Args:
+        measurements: (T, 2) positions up to the end of the block, NaN where there is none [m].
+        noises: (T, 3) their covariances xx, xy, yy [m^2].
+        first: number of the first tick of the block.
+        segments: of the whole track.
+        speed: as in `_begin`.
+        freedom: of Student's t errors; 0 is normal ones.
+        memory: its first rows have state and covariance before the block.
+        known: number of first ticks that the memory has already.
+    """
+    x = memory.states[known].copy()
+    P = memory.covariances[known].copy()
+    A, J = np.eye(STATES), np.eye(STATES)
+    for k in range(known, len(measurements) - first):
+        place = segments.places[first + k]
+        begins = segments.begins[first + k]
+        if begins:
+            x, P, J = _begin(x, P, place, segments, speed)
+        x, P = _predict(x, P, A, place, segments)
+        memory.steps[k] = A @ J if begins else A
+        seen, noise = measurements[first + k], noises[first + k]
+        x, P, gain, error, _ = _correct(x, P, seen, noise, freedom, memory.inverses[k])
+        memory.gains[k] = gain
+        memory.errors[k] = error
+        memory.states[k + 1] = x
+        memory.covariances[k + 1] = P
+
+
+@compiled
+def compare_begins(
+    measurements: FloatArray,
+    noises: FloatArray,
+    pieces: IntArray,
+    segments: Segments,
+    speed: float,
+    freedom: float,
+    firsts: IntArray,
+    states: FloatArray,
+    covariances: FloatArray,
+    gradual: IntArray,
+    stride: int,
+    log_likelihoods: FloatArray,
+) -> None:
+    """Write how likely the measurements around the begin of each piece are if it begins elsewhere,
+    or gradually.
+
+    Args:
+        measurements: as in `filter_block`.
+        noises: likewise.
+        pieces: (K, 3) as in `PieceSmoother.smooth`.
+        segments: of the pieces, and then the same as they begin gradually.
+        speed: as in `_begin`.
+        freedom: as in `filter_block`.
+        firsts: (K,) first of the begins that are compared.
+        states: (K, 7) before these ticks.
+        covariances: (K, 7, 7) of the states.
+        gradual: (G,) ticks for which they do.
+        stride: ticks between two begins that are compared.
+        log_likelihoods: see `PieceSmoother.compare`, written.
+    """
+    A = np.eye(STATES)
+    inverse = np.empty((2, 2))
+    count = len(pieces)
+    for k in range(1, count):
+        begin, end = pieces[k, 0], pieces[k, 1]
+        # All ways are the same where the curvature does not change.
+        changes = segments.curvatures[k] != segments.curvatures[count + k]
+        ways = len(gradual) if changes else 1
+        x, P = states[k].copy(), covariances[k].copy()
+        before = 0.0
+        # The begin itself is always compared.
+        last = min(begin + REACH * stride, end - 2)
+        for now in range(firsts[k], max(last, begin) + 1, stride):
+            for g in range(ways):
+                log_likelihood = before
+                y, V = x, P
+                whole = now + gradual[g]
+                for tick in range(now, min(end, begin + 3 * REACH * stride)):
+                    place = k if tick >= whole else count + k
+                    if tick in (now, whole):
+                        y, V, _ = _begin(y, V, place, segments, speed)
+                    y, V = _predict(y, V, A, place, segments)
+                    seen = measurements[tick]
+                    y, V, _, _, more = _correct(y, V, seen, noises[tick], freedom, inverse)
+                    log_likelihood += more
+                log_likelihoods[k, g:, (now - begin) // stride + REACH] = log_likelihood
+            # The piece before goes on.
+            for tick in range(now, now + stride):
+                x, P = _predict(x, P, A, k - 1, segments)
+                seen = measurements[tick]
+                x, P, _, _, more = _correct(x, P, seen, noises[tick], freedom, inverse)
+                before += more
+
+
+@compiled
+def compare_modes(
+    measurements: FloatArray,
+    noises: FloatArray,
+    pieces: IntArray,
+    modes: Segments,
+    speed: float,
+    freedom: float,
+    states: FloatArray,
+    covariances: FloatArray,
+    log_likelihoods: FloatArray,
+) -> None:
+    """Write how likely the measurements of some pieces are in each mode; the arguments are those of
+    `compare_begins`, with the segments of all modes, and see `PieceSmoother.compare_modes`.
+    """
+    A = np.eye(STATES)
+    inverse = np.empty((2, 2))
+    for k in range(len(pieces)):
+        for mode in range(log_likelihoods.shape[1]):
+            x, P, _ = _begin(states[k], covariances[k], mode, modes, speed)
+            for tick in range(pieces[k, 0], min(pieces[k, 1], pieces[k, 0] + 10 * REACH)):
+                x, P = _predict(x, P, A, mode, modes)
+                seen = measurements[tick]
+                x, P, _, _, more = _correct(x, P, seen, noises[tick], freedom, inverse)
+                log_likelihoods[k, mode] += more
+
+
+@internal
+def _smoothed(
+    memory: Memory,
+    k: int,
+    adjoint: FloatArray,
+    information: FloatArray,
+    means: FloatArray,
+    covariances: FloatArray,
+) -> None:
+    """Write state and covariance of tick k of a block, given its later ticks too."""
+    P = memory.covariances[k + 1]
+    means[k] = memory.states[k + 1] - P @ adjoint
+    covariances[k] = P - P @ information @ P
+
+
+@internal
+def _go_back(memory: Memory, k: int, adjoint: FloatArray, information: FloatArray) -> None:
+    """Bring what later ticks say to the begin of tick k of a block."""
+    inverse = memory.inverses[k]
+    step = memory.steps[k]
+    seen = step[:2]
+    # The step, and what the correction by the measurement leaves of it.
+    left = (step - memory.gains[k] @ seen).T.copy()
+    adjoint[:] = left @ adjoint - seen.T @ (inverse @ memory.errors[k])
+    information[:] = _carried(left, information) + seen.T @ inverse @ seen
+
+
+@compiled
+def smooth_block(
+    memory: Memory,
+    adjoint: FloatArray,
+    information: FloatArray,
+    means: FloatArray,
+    covariances: FloatArray,
+    turns: FloatArray,
+) -> None:
+    """Smooth a block that was filtered.
+
+    Args:
+        memory: of the block.
+        adjoint: (7,) of the later blocks; it is brought to the begin of this one.
+        information: (7, 7) likewise.
+        means: (n, 7) smoothed states, written.
+        covariances: (n, 7, 7) their covariances, written.
+        turns: (n, 4) see `turns.Turn`, written.
+    """
+    for k in range(len(means) - 1, -1, -1):
+        _smoothed(memory, k, adjoint, information, means, covariances)
+        values = turn_of(means[k], covariances[k])
+        for j in range(4):
+            turns[k, j] = values[j]
+        _go_back(memory, k, adjoint, information)
+
+
+@compiled
+def smooth_first(
+    measurements: FloatArray,
+    noises: FloatArray,
+    segments: Segments,
+    speed: float,
+    freedom: float,
+    memory: Memory,
+    last: IntArray,
+    means: FloatArray,
+    covariances: FloatArray,
+) -> None:
+    """Smooth the first tick of a block; the arguments are those of `filter_block` and
+    `smooth_block`.
+
+    The memory is that of a block that began one tick earlier, whose ticks had the segments `last`.
+    """
+    known = 0
+    while known < len(last) - 1 and last[known + 1] == segments.places[known]:
+        known += 1
+    for array in (memory.states, memory.errors):
+        array[:-1] = array[1:].copy()
+    for stack in (memory.covariances, memory.steps, memory.gains, memory.inverses):
+        stack[:-1] = stack[1:].copy()
+    filter_block(measurements, noises, 0, segments, speed, freedom, memory, known)
+    adjoint, information = np.zeros(STATES), np.zeros((STATES, STATES))
+    for k in range(len(measurements) - 1, 0, -1):
+        _go_back(memory, k, adjoint, information)
+    _smoothed(memory, 0, adjoint, information, means, covariances)
