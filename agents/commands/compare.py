@@ -67,7 +67,7 @@ class Compare(WorldArguments, TrustArguments, Workers):
     ] = ()
     """What is compared; the first is the reference. Rules, announced switches: {announced}; unknown
     switches: {unknown}. Rules of your own: 'mine.py:MyRule'. Agents: 'shipped' or 'robust' (weights
-    in the package), run folders, 'model.zip', 'policy.onnx', or recipes to train now: 'ppo',
+    in the package), run folders, 'model.zip', or recipes to train now: 'ppo',
     'dqn' ...
     """
     accuracy: Annotated[Probability | None, shown_default("the threshold with the best reward")] = (

@@ -37,7 +37,7 @@ class Evaluate(WorldArguments, ErrorArguments, TrustArguments):
         shown_default("ate; threshold in HybridTrackQuickest-v0"),
     ] = ()
     """Rules, 'shipped', run folders, policies of other libraries or rules of your own, with
-    optional thresholds: 'ate:1e-6', 'fixed:30', 'runs/ppo:-2', 'model.zip', 'policy.onnx',
+    optional thresholds: 'ate:1e-6', 'fixed:30', 'runs/ppo:-2', 'model.zip',
     'mine.py:MyRule:0.1'. Announced switches: {announced}. Unknown switches: {unknown}.
     """
     episodes: Count = 1000

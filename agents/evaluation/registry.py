@@ -40,8 +40,6 @@ def learned_decider(folder: Path, options: Any) -> Decider:
     return saved.load(options).changed(title=folder.name)
 
 
-# Ends of the names of files of policies that other libraries write.
-POLICY_FILES = (".zip", ".onnx")
 # Folders of the weights that come with the package, by task and name.
 WEIGHTS = Path(learned.__file__).parent / "weights"
 
@@ -104,8 +102,8 @@ def find_decider(name: Any, options: Any) -> Decider:
     its default; `Decider.at` returns it at others.
 
     The name is that of a rule or of an agent of the package, a run folder, "model.zip",
-    "policy.onnx", "mine.py:MyRule", "package.module:Rule" or an entry point; a threshold may
-    follow, as in "ate:1e-6" or "runs/ppo:-2", see `split_name`. One that it chooses is chosen by
+    "mine.py:MyRule", "package.module:Rule" or an entry point; a threshold may follow, as in
+    "ate:1e-6" or "runs/ppo:-2", see `split_name`. One that it chooses is chosen by
     `Decider.at`. Or the object itself, see `external_decider`.
 
     Raises:
@@ -143,7 +141,7 @@ def _at_default(name: Any, options: Any) -> Decider:
     known = rules(options.switches)
     if name in known:
         return known[name].create(options)
-    if Path(name).suffix in POLICY_FILES:
+    if name.endswith(".zip"):
         from agents.learned.exchange import exchanged_decider
 
         return exchanged_decider(Path(name), options)
@@ -163,12 +161,12 @@ def check_name(name: Any, switches: str, further: Sequence[str] = ()) -> None:
     known = (*rules(switches), *shipped_names(switches), *entry_point_names(), *further)
     if base in known or Path(base).is_dir():
         return
-    if Path(base).suffix in POLICY_FILES:
+    if base.endswith(".zip"):
         if not Path(base).is_file():
             raise reject("decider", name, "a file that exists")
         return
     before, _, text = base.rpartition(":")
-    of_policy = Path(before).suffix in POLICY_FILES
+    of_policy = before.endswith(".zip")
     if not of_policy and names_code(base):
         return
     if before in known or of_policy or (before and Path(before).is_dir()):
@@ -177,7 +175,7 @@ def check_name(name: Any, switches: str, further: Sequence[str] = ()) -> None:
     for task in {ANNOUNCED, UNKNOWN} - {switches}:
         if base in rules(task):
             raise reject("decider", name, f"a decider for {switches} switches, not {task} ones")
-    files = "a run folder, model.zip, policy.onnx or mine.py:MyRule"
+    files = "a run folder, model.zip or mine.py:MyRule"
     raise unknown("decider", base, known, f"expected a rule, an agent, {files}, see --help")
 
 
