@@ -12,7 +12,7 @@ from agents.evaluation.registry import (
     check_name,
     distinct_titles,
     find_decider,
-    is_chosen,
+    parse_name,
 )
 from agents.evaluation.report import Result, result_tables
 from agents.evaluation.task import sweep, task_of
@@ -83,7 +83,7 @@ class Evaluate(WorldArguments, ErrorArguments, TrustArguments):
             ]
             titles = distinct_titles(names, [decider.title for decider in deciders])
             for name, title, task, decider in zip(names, titles, tasks, deciders, strict=True):
-                if is_chosen(self.at_error(name)):
+                if parse_name(self.at_error(name)).chosen:
                     progress.update(bar, description=f"Choosing the threshold of {title}")
                     # It remembers what it has chosen.
                     decider.at(decider.threshold)

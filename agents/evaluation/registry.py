@@ -3,10 +3,9 @@
 import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 from agents import learned
 from agents.evaluation.selection import choosing_decider
@@ -49,43 +48,34 @@ def shipped_names(task: str) -> list[str]:
     return sorted(folder.name for folder in (WEIGHTS / task).iterdir())
 
 
-def split_name(name: Any) -> tuple[Any, str]:
-    """Return the name of a decider without its threshold, or the object itself, and the text of
-    the threshold.
+class DeciderName(NamedTuple):
+    """The parts of a decider's name, such as "ate:1e-6", "shipped:5,0" or "msprt:2%"."""
 
-    The text is a number, two numbers "0.001,0.01" of which the first may be missing, "auto" or a
-    rate, see `choosing_decider`; it is empty without a threshold.
+    # The name without what follows its last colon, or the object itself.
+    base: Any
+    threshold: float | None = None
+    second: float | None = None
+    # How the threshold is to be chosen, "auto" or a rate, see `choosing_decider`; else empty.
+    chosen: str = ""
+
+
+def parse_name(name: Any) -> DeciderName:
+    """Return the parts of a decider's name. The end after a colon is a number, two numbers
+    "0.001,0.01" of which the first may be missing, "auto", or a rate such as "2%" or "3/1000"; any
+    other is of the name itself.
     """
     if not isinstance(name, str) or Path(name).is_dir():
-        return name, ""
+        return DeciderName(name)
     base, _, text = name.rpartition(":")
-    first, _, last = text.rpartition(",")
-    if not is_chosen(text):
-        try:
-            float(first or last), float(last)
-        except ValueError:
-            return name, ""
-    return base, text
-
-
-def is_chosen(name: str) -> bool:
-    """Return whether the threshold of a decider is to be chosen: its name or its ending alone is
-    "auto", or a rate such as "2%" or "3/1000".
-    """
-    text = name.rpartition(":")[2]
-    return text == "auto" or text.endswith(("%", "/1000"))
-
-
-def given_threshold(name: Any) -> float | None:
-    """Return the single number after the colon of a name; None without one."""
-    with suppress(ValueError):
-        return float(split_name(name)[1])
-    return None
-
-
-def base_name(name: Any) -> Any:
-    """Return the name of a decider without a threshold, or the object itself."""
-    return split_name(name)[0]
+    if text == "auto" or text.endswith(("%", "/1000")):
+        return DeciderName(base, chosen=text)
+    first, comma, second = text.partition(",")
+    try:
+        return DeciderName(
+            base, float(first) if first or not comma else None, float(second) if comma else None
+        )
+    except ValueError:
+        return DeciderName(name)
 
 
 def policy_folder(name: str, switches: str) -> Path:
@@ -103,34 +93,32 @@ def find_decider(name: Any, options: Any) -> Decider:
 
     The name is that of a rule or of an agent of the package, a run folder, "model.zip",
     "mine.py:MyRule", "package.module:Rule" or an entry point; a threshold may follow, as in
-    "ate:1e-6" or "runs/ppo:-2", see `split_name`. One that it chooses is chosen by
+    "ate:1e-6" or "runs/ppo:-2", see `parse_name`. One that it chooses is chosen by
     `Decider.at`. Or the object itself, see `external_decider`.
 
     Raises:
         ArgumentError: there is no such decider or threshold.
     """
-    base, text = split_name(name)
-    if is_chosen(text):
-        return choosing_decider(find_decider(base, options), options, text)
+    base, threshold, second, chosen = parse_name(name)
+    if chosen:
+        return choosing_decider(find_decider(base, options), options, chosen)
     decider = _at_default(base, options).for_modes(options)
     if decider.hypotheses not in (None, options.hypotheses):
         here = options.hypotheses
         allowed = f"a policy for {here} hypotheses; this one is for {decider.hypotheses}"
         raise reject("decider", name, allowed)
-    first, comma, second = text.partition(",")
-    if comma:
+    if second is not None:
         if not decider.second_threshold:
             raise reject("decider", name, f"{base!r} with one threshold at most")
-        number = float(second)
-        title = f"{decider.title}, {decider.second_threshold} {number:g}"
-        decider = decider.changed(**{decider.second_threshold: number}, title=title)
-    if not first:
-        return decider.at(decider.threshold) if comma else decider
+        title = f"{decider.title}, {decider.second_threshold} {second:g}"
+        decider = decider.changed(**{decider.second_threshold: second}, title=title)
+    if threshold is None:
+        return decider if second is None else decider.at(decider.threshold)
     if len(decider.thresholds) == 1:
         raise reject("decider", name, f"{base!r} without a threshold: it has none")
-    if decider.symbol == "ticks" and float(first) % 1:
+    if decider.symbol == "ticks" and threshold % 1:
         raise reject("decider", name, "a whole number after the colon")
-    return decider.at(float(first))
+    return decider.at(threshold)
 
 
 def _at_default(name: Any, options: Any) -> Decider:
@@ -155,7 +143,7 @@ def check_name(name: Any, switches: str, further: Sequence[str] = ()) -> None:
     """Raise `ArgumentError` if there is no decider of a name, without loading one: that of an
     agent takes seconds. `further` are other names that are allowed.
     """
-    base = base_name(name)
+    base = parse_name(name).base
     if not isinstance(base, str):
         return
     known = (*rules(switches), *shipped_names(switches), *entry_point_names(), *further)
@@ -188,7 +176,7 @@ def is_learned(decider: Decider) -> bool:
 
 def distinct_titles(names: Sequence[Any], titles: Sequence[str]) -> list[str]:
     """Return the titles of deciders; those with the title of another are called by their names."""
-    bases = [str(base_name(name)) for name in names]
+    bases = [str(parse_name(name).base) for name in names]
     same = Counter(title for _, title in set(zip(bases, titles, strict=True)))
     return [title if same[title] == 1 else base for base, title in zip(bases, titles, strict=True)]
 
@@ -221,7 +209,7 @@ def for_actions(decider: Decider, options: Any) -> Decider:
 
 def needed_options(name: Any, switches: str) -> Mapping[str, Any]:
     """Return the options of an environment that a classical rule needs, see `Decider.options`."""
-    base = base_name(name)
+    base = parse_name(name).base
     if rule := rules(switches).get(base):
         return rule.attribute("options")
     kind = QuickestOptions if switches == UNKNOWN else WorldOptions

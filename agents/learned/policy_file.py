@@ -13,9 +13,9 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
-from agents.algorithms import find_algorithm
 from agents.interface.output_files import atomic_file, write_json
 from agents.interface.world_arguments import CARD
+from agents.learned.algorithm_names import find_algorithm
 from agents.learned.torch_defaults import NetworkDecider, Units, torch_defaults
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, Decider
 from hybrid_env.checks import checked, reject

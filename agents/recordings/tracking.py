@@ -9,13 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from agents.evaluation.registry import (
-    ErrorArguments,
-    base_name,
-    load_decider,
-    needed_options,
-    split_name,
-)
+from agents.evaluation.registry import ErrorArguments, load_decider, needed_options, parse_name
 from baselines.recordings.decisions import RowDecisions, decide_piece, smooth_piece
 from baselines.recordings.imm_pass import TrackModel
 from baselines.recordings.model_fit import check_consistency, check_radii, fit_model, with_stop
@@ -290,7 +284,7 @@ class TrackingArguments(ErrorArguments):
             raise reject("decider", self.decider, "none without live")
         announced = self.live and self.lengths
         task, other = (ANNOUNCED, UNKNOWN) if announced else (UNKNOWN, ANNOUNCED)
-        if base_name(self._decider_name()) in rules(other):
+        if parse_name(self._decider_name()).base in rules(other):
             remedy = "with --lengths" if self.lengths else "or give --lengths"
             raise reject("decider", self.decider, f"{', '.join(rules(task))} or an agent, {remedy}")
 
@@ -352,10 +346,10 @@ class TrackingArguments(ErrorArguments):
     def _named(self, decider: Decider) -> str:
         """Return the name of a decider with its threshold, if it has one."""
         name = self._decider_name()
-        base, text = split_name(name)
-        if len(decider.thresholds) < 2 or "," in text:
+        parts = parse_name(name)
+        if len(decider.thresholds) < 2 or parts.second is not None:
             return name
-        return f"{base}:{float(decider.threshold)}"
+        return f"{parts.base}:{float(decider.threshold)}"
 
     def _lengths(self, grid: TickGrid) -> list[int]:
         """Return the ticks between known switches."""

@@ -14,8 +14,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from agents.algorithms import find_algorithm
 from agents.interface.input_files import parse_yaml
+from agents.learned.algorithm_names import find_algorithm
 from hybrid_env.checks import check_integer, declared_fields, reject, unknown
 from hybrid_env.json_files import read_text
 

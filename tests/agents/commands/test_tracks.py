@@ -5,7 +5,7 @@ import functools
 import numpy as np
 import pytest
 
-from agents.commands.play import Episodes
+from agents.evaluation.episodes import Episodes
 from agents.evaluation.task import task_of
 from agents.figures.tracks import UNDECIDED
 from baselines import SPRTDecider, ThresholdDecider, record_statements

@@ -18,8 +18,8 @@ import small_training
 import torch
 from small_training import KINDS, STEPS, interrupted, log_often, outcome, small_run
 
-from agents.algorithms import algorithm_names
 from agents.evaluation.registry import learned_decider
+from agents.learned.algorithm_names import algorithm_names
 from agents.training.checkpoint import CHECKPOINT, read_checkpoint, write_checkpoint
 from agents.training.recipe import load_recipe
 from agents.training.run_folder import CONFIG, read_metrics
