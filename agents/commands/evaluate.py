@@ -85,7 +85,7 @@ class Evaluate(WorldArguments, ErrorArguments, TrustArguments):
             for name, title, task, decider in zip(names, titles, tasks, deciders, strict=True):
                 if parse_name(self.at_error(name)).chosen:
                     progress.update(bar, description=f"Choosing the threshold of {title}")
-                    # It remembers what it has chosen.
+                    # The decider remembers what it has chosen.
                     decider.at(decider.threshold)
                 progress.update(bar, description=f"Evaluating {title}")
                 scores = sweep(

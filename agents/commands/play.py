@@ -34,9 +34,6 @@ from hybrid_env.rendering.evidence import legend_colours, mode_colour, mode_name
 from hybrid_env.rendering.frame import draw_frame
 from hybrid_env.rendering.history import History
 
-PAGE = Path(__file__).with_name("episode.html")
-"""Of an episode, for a browser; the data and plotly.js are put in."""
-
 
 @dataclass(kw_only=True)
 class Play(WorldArguments, ErrorArguments, TrustArguments):
@@ -183,7 +180,8 @@ def write_page(path: Path, every: Sequence[Episodes], title: str) -> None:
     }
     # A name cannot end the script.
     text = json.dumps(data).replace("<", "\\u003c")
-    page = Template(PAGE.read_text(encoding="utf-8"))
+    # The data and plotly.js are put in.
+    page = Template(Path(__file__).with_name("episode.html").read_text(encoding="utf-8"))
     with atomic_file(path) as part:
         part.write_text(page.substitute(library=get_plotlyjs(), episode=text), encoding="utf-8")
 

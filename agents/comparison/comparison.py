@@ -27,7 +27,7 @@ class Comparison:
 
     # With all its values, see `Plan.completed`.
     plan: Any
-    # Of all deciders; the first is the reference.
+    # Results of all deciders; the first is the reference.
     entries: Sequence[Result]
     # See `bound_scores`.
     bound: Scores | None

@@ -29,7 +29,7 @@ from agents.interface.help_texts import shown_default
 from agents.interface.parallel import Call, Workers
 from agents.interface.progress import Report, calls_shown
 from agents.interface.world_arguments import TrustArguments, WorldArguments
-from agents.training.recipe import RECIPE_FILES, load_recipe, recipe_names
+from agents.training.recipe import load_recipe, recipe_names
 from baselines.rules import seeds
 from baselines.rules.decider import Decider
 from baselines.scoring.scores import Scores
@@ -132,13 +132,13 @@ class Plan(WorldArguments, TrustArguments, Workers):
         for name in self.deciders:
             if parse_name(name).threshold is not None:
                 raise reject("decider", name, "a name without a threshold: all are compared")
-            if not str(name).endswith(RECIPE_FILES):
+            if not str(name).endswith((".yml", ".yaml")):
                 check_name(name, self.task.switches, recipe_names())
 
     def find(self, name: Any) -> Any:
         """Return a decider, or the recipe of an agent still to be trained."""
         is_recipe = name in recipe_names() and name not in shipped_names(self.task.switches)
-        if is_recipe or str(name).endswith(RECIPE_FILES):
+        if is_recipe or str(name).endswith((".yml", ".yaml")):
             return load_recipe(name, self.task.env_id, own_modes="modes" in self.task.given)
         return find_decider(name, self.task.options)
 

@@ -47,7 +47,7 @@ class Episodes:
         # The running episode.
         self.history = History(self.env.options, self.decider.panel())
         self.env.histories[0] = self.history
-        # Of its steps: rows of the history, and rewards.
+        # Its steps: rows of the history, and rewards.
         self.rewards: list[tuple[int, float]] = []
 
     def play(self, seed: int) -> Iterator[History]:

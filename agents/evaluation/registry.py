@@ -40,12 +40,12 @@ def learned_decider(folder: Path, options: Any) -> Decider:
 
 
 # Folders of the weights that come with the package, by task and name.
-WEIGHTS = Path(learned.__file__).parent / "weights"
+SHIPPED = Path(learned.__file__).parent / "weights"
 
 
 def shipped_names(task: str) -> list[str]:
     """Return the names of the agents of a task that come with the package."""
-    return sorted(folder.name for folder in (WEIGHTS / task).iterdir())
+    return sorted(folder.name for folder in (SHIPPED / task).iterdir())
 
 
 class DeciderName(NamedTuple):
@@ -83,7 +83,7 @@ def policy_folder(name: str, switches: str) -> Path:
     not exist.
     """
     if name in shipped_names(switches):
-        return WEIGHTS / switches / name
+        return SHIPPED / switches / name
     return Path(name or os.devnull)
 
 

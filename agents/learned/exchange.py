@@ -13,7 +13,7 @@ from torch import Tensor, nn
 
 from agents.interface.world_arguments import trusted
 from agents.learned.policy import Actor, actor_decider, read_actor
-from agents.learned.policy_file import LARGEST_FILE, check_finite, first_line
+from agents.learned.policy_file import LARGEST_POLICY, check_finite, first_line
 from agents.learned.torch_defaults import torch_defaults
 from agents.learned.zip_file import read_model
 from baselines.rules.decider import Decider
@@ -29,8 +29,8 @@ def exchanged_decider(path: Path, options: Any) -> Decider:
     An actor has thresholds on its log-odds, a network of action values on their differences.
     Nothing is unpickled but tensors, unless policies are `trusted`.
     """
-    if not path.is_file() or path.stat().st_size > LARGEST_FILE:
-        raise reject("decider", str(path), f"a file of at most {LARGEST_FILE:,} bytes")
+    if not path.is_file() or path.stat().st_size > LARGEST_POLICY:
+        raise reject("decider", str(path), f"a file of at most {LARGEST_POLICY:,} bytes")
     try:
         with explained():
             return _from_zip(path, options)

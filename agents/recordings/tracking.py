@@ -39,9 +39,6 @@ from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.sensors import Radar
 
-# In estimates.csv, where `radius` is that of the mode.
-TURN_COLUMNS = "speed", "speed_deviation", "radius_estimate", "radius_deviation"
-
 
 @dataclass(frozen=True, eq=False)
 class TrackedRecording:
@@ -154,6 +151,8 @@ class TrackedRecording:
         recording = self.recording
         triangle = [(i, j) for i in range(4) for j in range(i, 4)]
         letters, radii = self.of_modes(self.modes)
+        # The column `radius` is that of the mode.
+        turns = ("speed", "speed_deviation", "radius_estimate", "radius_deviation")
         file = {"line": recording.lines, "time": recording.time_cells}
         return {
             **self._named(len(recording.times)),
@@ -170,7 +169,7 @@ class TrackedRecording:
             },
             **{f"estimate_{name}": self.estimates[:, k] for k, name in enumerate(state)},
             **self._degrees("estimate_", self.estimates[:, ::2]),
-            **dict(zip(TURN_COLUMNS, self.turns.T, strict=True)),
+            **dict(zip(turns, self.turns.T, strict=True)),
             **{f"cov_{state[i]}_{state[j]}": self.covariances[:, i, j] for i, j in triangle},
             **{f"residual_{axis}": self.residuals[:, k] for k, axis in enumerate("xy")},
         }
@@ -222,7 +221,7 @@ class TrackedRecording:
         projection = self.recording.projection
         if projection is None:
             return {}
-        # Of .1 mm, so that those of a file come back as they are there.
+        # Rounded to .1 mm, so that those of a file come back as they are there.
         degrees = projection.inverse(*positions.T).round(9)
         return {f"{prefix}lat": degrees[:, 0], f"{prefix}lon": degrees[:, 1]}
 
@@ -371,7 +370,7 @@ class TrackingArguments(ErrorArguments):
         world: WorldOptions | QuickestOptions
         try:
             if lengths:
-                # Of an episode, for deciders that are fitted by simulation.
+                # An episode for deciders that are fitted by simulation has so many.
                 segments = min(len(lengths), 6)
                 options |= needed_options(name, ANNOUNCED)
                 world = WorldOptions(

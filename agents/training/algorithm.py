@@ -30,7 +30,7 @@ class TrainingProgress:
 
     # Environment steps so far.
     steps: int
-    # Of the run.
+    # Environment steps of the run.
     total: int
     # Mean of recent segments, or of recent ticks where a mode is stated at every tick.
     reward: float

@@ -32,22 +32,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from baselines.estimation.turns import turn_of
+from baselines.estimation.turns import SPREAD, STATES, turn_of
 from hybrid_env.checks import AnyArray, BoolArray, FloatArray, IntArray, Moments
 from hybrid_env.compiled import compiled, internal, run_compiled
 
-STATES = 7
 # Places of x, vx, y, vy in the state, and of their covariance.
 ORDER = [0, 2, 1, 3]
 ORDER_OF_BOTH = np.ix_(ORDER, ORDER)
 # Places of the own states in [x, vx, y, vy, ax, ay] of a linear mode.
 LINEAR = [0, 2, 1, 3, 4, 5]
-# Ticks of a block.
-BLOCK = 512
-# Relative deviation of the curvature of a turn from that of its mode.
-SPREAD = 0.5
-# Times that the turn rates are found anew.
-ROUNDS = 3
+# Ticks that are smoothed at a time.
+PIECE_TICKS = 512
 # Ticks for which a turn may have half of its curvature at its begin.
 GRADUAL = np.array([0, 2, 4, 8])
 # Ticks between the begin of a piece and others with which it is compared.
@@ -77,7 +72,7 @@ class Segments(NamedTuple):
     rates: FloatArray
 
 
-class Memory(NamedTuple):
+class FilterMemory(NamedTuple):
     """What the filter remembers of the n ticks of a block."""
 
     # (n + 1, 7) and (n + 1, 7, 7), of which the first rows are those before the block.
@@ -200,7 +195,7 @@ def _filter(
     segments: Segments,
     speed: float,
     freedom: float,
-    memory: Memory,
+    memory: FilterMemory,
 ) -> None:
     """Filter the ticks of a block and fill its memory.
 
@@ -295,7 +290,7 @@ def _compare(
 
 @internal
 def _smoothed(
-    memory: Memory,
+    memory: FilterMemory,
     k: int,
     adjoint: FloatArray,
     information: FloatArray,
@@ -309,7 +304,7 @@ def _smoothed(
 
 
 @internal
-def _go_back(memory: Memory, k: int, adjoint: FloatArray, information: FloatArray) -> None:
+def _go_back(memory: FilterMemory, k: int, adjoint: FloatArray, information: FloatArray) -> None:
     """Bring what later ticks say to the begin of tick k of a block."""
     inverse = memory.inverses[k]
     step = memory.steps[k]
@@ -322,7 +317,7 @@ def _go_back(memory: Memory, k: int, adjoint: FloatArray, information: FloatArra
 
 @compiled
 def _return(
-    memory: Memory,
+    memory: FilterMemory,
     adjoint: FloatArray,
     information: FloatArray,
     means: FloatArray,
@@ -337,7 +332,7 @@ def _return(
         information: (7, 7) likewise.
         means: (n, 7) smoothed states, written.
         covariances: (n, 7, 7) their covariances, written.
-        turns: (n, 4) see `turns.Turn`, written.
+        turns: (n, 4) see `turns.TurnEstimate`, written.
     """
     for k in range(len(means) - 1, -1, -1):
         _smoothed(memory, k, adjoint, information, means, covariances)
@@ -354,7 +349,7 @@ def _smooth_first(
     segments: Segments,
     speed: float,
     freedom: float,
-    memory: Memory,
+    memory: FilterMemory,
     means: FloatArray,
     covariances: FloatArray,
 ) -> None:
@@ -394,7 +389,7 @@ def _matrices(rates: FloatArray, tau: float) -> Moments:
             F[:, 2 + k, 4 + other] = F[:, 4 + k, 2 + other] = sign * sine
         return F
 
-    # Of the angle of a tick [rad], for which third derivatives have no weight.
+    # A step of the angle of a tick [rad] for which third derivatives have no weight.
     step = 1e-4 / tau
     return matrices(rates), (matrices(rates + step) - matrices(rates - step)) / (2.0 * step)
 
@@ -429,8 +424,8 @@ class PieceSmoother:
         """Allocate the memory of a block."""
         self.pieces = np.empty((0, 3), int)
         self.rates = np.empty(0)
-        ticks = min(BLOCK, len(self.measurements))
-        self.memory = Memory(
+        ticks = min(PIECE_TICKS, len(self.measurements))
+        self.memory = FilterMemory(
             np.zeros((ticks + 1, STATES)),
             np.zeros((ticks + 1, STATES, STATES)),
             np.zeros((ticks, STATES, STATES)),
@@ -459,7 +454,7 @@ class PieceSmoother:
 
     def _filter(self, first: int, segments: Segments) -> int:
         """Filter the block that begins at a tick, and return the number of its ticks."""
-        end = min(first + BLOCK, len(self.measurements))
+        end = min(first + PIECE_TICKS, len(self.measurements))
         arguments = self.measurements[:end], self.noises, first, segments
         run_compiled(_filter, *arguments, self.speed, self.freedom, self.memory)
         return end - first
@@ -478,7 +473,7 @@ class PieceSmoother:
         self, pieces: IntArray, gradual: IntArray | None = None
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return estimates (T, 4) [x, vx, y, vy], covariances (T, 4, 4) and turns (T, 4), see
-        `turns.Turn`.
+        `turns.TurnEstimate`.
 
         Args:
             pieces: (K, 3) first tick, end, and row of `motions` of the segments.
@@ -496,21 +491,24 @@ class PieceSmoother:
             pieces[second, 0] += gradual[second]
             pieces[first, 1] = pieces[first, 0] + gradual[first]
         memory = self.memory
-        means, spreads = np.empty((BLOCK, STATES)), np.empty((BLOCK, STATES, STATES))
+        means, spreads = np.empty((PIECE_TICKS, STATES)), np.empty((PIECE_TICKS, STATES, STATES))
         results = np.empty((ticks, 4)), np.empty((ticks, 4, 4)), np.empty((ticks, 4))
         self.pieces = pieces
         self.rates = _curvatures(of_pieces) * self.speed
-        for _ in range(ROUNDS):
+        # The turn rates are found anew three times.
+        for _ in range(3):
             segments = self._segments(pieces, of_pieces, self.rates)
             self._anchor(*self.begin())
             anchors = []
-            for first in range(0, ticks, BLOCK):
+            for first in range(0, ticks, PIECE_TICKS):
                 anchors.append((memory.states[0].copy(), memory.covariances[0].copy()))
                 count = self._filter(first, segments)
                 self._anchor(memory.states[count], memory.covariances[count])
             adjoint, information = np.zeros(STATES), np.zeros((STATES, STATES))
             found = np.zeros(ticks)
-            for first, anchor in zip(range(0, ticks, BLOCK)[::-1], anchors[::-1], strict=True):
+            for first, anchor in zip(
+                range(0, ticks, PIECE_TICKS)[::-1], anchors[::-1], strict=True
+            ):
                 self._anchor(*anchor)
                 count = self._filter(first, segments)
                 part = slice(first, first + count)
@@ -533,7 +531,7 @@ class PieceSmoother:
         self, modes: IntArray, begins: BoolArray, before: Moments
     ) -> tuple[FloatArray, FloatArray, Moments]:
         """Return estimate (4,) and covariance (4, 4) of the first tick given the measurements of
-        all, at most `BLOCK`, and its state (7,) and covariance (7, 7) given its own.
+        all, at most `PIECE_TICKS`, and its state (7,) and covariance (7, 7) given its own.
 
         Args:
             modes: (T,) of the ticks.
@@ -566,7 +564,7 @@ class PieceSmoother:
         covariances = np.zeros((len(pieces), STATES, STATES))
         memory = self.memory
         self._anchor(*self.begin())
-        for first in range(0, len(self.measurements), BLOCK):
+        for first in range(0, len(self.measurements), PIECE_TICKS):
             count = self._filter(first, segments)
             here = np.flatnonzero((firsts >= first) & (firsts < first + count))
             states[here] = memory.states[firsts[here] - first]

@@ -3,7 +3,7 @@
 import math
 from typing import Literal, NamedTuple, TypeAlias
 
-from baselines.estimation.turns import Turn
+from baselines.estimation.turns import TurnEstimate as Turn
 from baselines.rules.fixed_lag import Settled
 from hybrid_env.checks import FloatArray
 

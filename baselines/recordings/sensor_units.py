@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from baselines.estimation.turns import Turn
+from baselines.estimation.turns import TurnEstimate as Turn
 from hybrid_env.checks import LARGEST_NUMBER, FloatArray, Moments, check_array
 from hybrid_env.sensors import Fused, Radar, Sensor, fuse
 

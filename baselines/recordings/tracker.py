@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike
 
 from baselines.estimation.forecast import check_times
 from baselines.estimation.turn_tracks import TurnTracks
-from baselines.estimation.turns import Turn, speed_of
+from baselines.estimation.turns import TurnEstimate as Turn
+from baselines.estimation.turns import speed_of
 from baselines.recordings.clock import TickClock, number_of
 from baselines.recordings.online_estimate import OnlineEstimate, Status
 from baselines.recordings.sensor_units import SensorUnits

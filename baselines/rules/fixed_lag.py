@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from baselines.estimation.pieces import BLOCK
+from baselines.estimation.pieces import PIECE_TICKS as BLOCK
 from baselines.rules.beam_filters import BY_LAW
 from baselines.rules.hindsight import beam_of, choose_modes, smoother_of, starts_of, worth_of
 from baselines.rules.lattice import LatticeWalk, smooth_lattice

@@ -37,11 +37,6 @@ from baselines.rules.measurements import estimate_in
 from hybrid_env.checks import AnyArray, Float32Array, FloatArray, IntArray
 from hybrid_env.compiled import INNOVATION, MEASURED, aligned_zeros, compiled, run_compiled
 
-# Weight of a node at a tick below which it is not kept.
-SMALLEST = 1e-7
-# Ticks that are walked at a time.
-BLOCK = 4096
-
 
 class Lattice(NamedTuple):
     """The nodes that are probable at T ticks, from the measurements up to each.
@@ -125,7 +120,8 @@ class LatticeWalk:
         arguments = *self.memory, walk, self.log_probability, self.model
         run_compiled(walk_branches, self.branches, *arguments)
         self.ticks += len(measurements)
-        probable = walk.weights > SMALLEST
+        # Other nodes are not kept.
+        probable = walk.weights > 1e-7
         return [probable.sum((1, 2)), *(values[probable] for values in arrays)]
 
     def lattice(self, arrays: Sequence[AnyArray], ends: FloatArray) -> Lattice:
@@ -153,9 +149,11 @@ def walk_lattice(
 ) -> Lattice:
     """Walk over all measurements of a track; the arguments are those of `LatticeWalk`."""
     walk = LatticeWalk(starts, branches, model)
-    arrays = walk.extend(measurements[:BLOCK], ends[:BLOCK])
-    for first in range(BLOCK, len(measurements), BLOCK):
-        part = slice(first, first + BLOCK)
+    # That many ticks are walked at a time.
+    block = 4096
+    arrays = walk.extend(measurements[:block], ends[:block])
+    for first in range(block, len(measurements), block):
+        part = slice(first, first + block)
         for array, more in zip(arrays, walk.extend(measurements[part], ends[part]), strict=True):
             # In place, because those of a long recording are larger than all else.
             array.resize(array.size + more.size, refcheck=False)

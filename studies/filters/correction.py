@@ -74,7 +74,7 @@ class Huber:
         white = size / np.sqrt(total)
         loss = np.where(white <= k, 0.5 * white**2, k * white - 0.5 * k * k)
         inside = np.sqrt(2.0 * np.pi) * (2.0 * ndtr(k) - 1.0)
-        # Of exp(-loss) over all numbers.
+        # The integral of exp(-loss) over all numbers.
         integral = inside + 2.0 / k * np.exp(-0.5 * k * k)
         log_likelihood = -loss - 0.5 * np.log(total) - np.log(integral)
         return precision, precision, log_likelihood

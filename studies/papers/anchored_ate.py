@@ -39,7 +39,7 @@ class AnchoredFilters:
         rate = np.where(turns, speed / sizes, 0.0)
         centre = x - radii * vy / speed, y + radii * vx / speed
         self.states = np.stack([*np.broadcast_arrays(x, vx, y, vy, *centre, rate)], axis=-1)
-        # Of the state after the anchor.
+        # Slopes of the state after the anchor.
         slopes = np.zeros((*radii.shape, 7, 4))
         slopes[..., range(4), range(4)] = 1.0
         if not self.exact:

@@ -180,7 +180,7 @@ def run_ate(
         running = np.ones(shape, np.bool_)
         done = np.zeros(runs.size, np.bool_)
         ticks = np.full(runs.size, part.shape[1])
-        # Of the chosen filter at the decision.
+        # Numbers of the chosen filter at the decision.
         numbers = np.zeros((runs.size, 1, 9), np.complex128)
         outputs, ratios_of, every = [], [], []
         for k, measured in enumerate(part.swapaxes(0, 1), start=1):

@@ -72,7 +72,7 @@ METRICS = {
     "Kalman steps a tick": 1,
 }
 COMPARED = tuple(METRICS)[:3]
-# Of a rival and of the IMM where its wrong changes are those of the rival.
+# Columns of a rival and of the IMM where its wrong changes are those of the rival.
 EQUAL = (
     "wrong changes in 1,000 ticks",
     "delay of the rival, ticks",

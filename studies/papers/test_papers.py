@@ -53,7 +53,7 @@ def test_the_published_tables_come_out(paper, least, total):
 
     assert len(counted) == total
     assert (counted.verdict == "inside").sum() >= least
-    # Of the settings of Golubkov 2018 that were tried, one has the published values.
+    # One of the settings of Golubkov 2018 that were tried has the published values.
     tried = {name: int(value.split()[0]) for name, value, _ in result.findings if "tau =" in name}
     best = [name.partition("with ")[2] for name, count in tried.items() if count >= 30]
     assert best == ["tau = 0.1 s, alpha = beta = 0.001"] * (paper is golubkov2018)

@@ -11,7 +11,7 @@ from agents.commands.play import Play
 from agents.evaluation import episodes as episodes_of
 from baselines.recordings.reading.read import read_recordings
 from baselines.rules.external import as_decider
-from baselines.rules.rollout import evaluate
+from baselines.rules.rollout import record_decisions
 from hybrid_env.checks import ArgumentError
 
 # fixed:5 waits for four ticks of each segment and declares at the fifth.
@@ -99,5 +99,5 @@ def test_an_episode_is_the_one_that_is_evaluated(name):
     episodes = episodes_of.Episodes(task, name)
     list(episodes.play(3))
     decider = find_decider(name, task.options)
-    expected = evaluate(decider, task.env_id, 1, 3, **task.given)
+    expected = record_decisions(decider, task.env_id, 1, 3, **task.given)
     assert sum(reward for _, reward in episodes.rewards) == pytest.approx(expected.reward.sum())
