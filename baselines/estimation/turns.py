@@ -22,9 +22,6 @@ from hybrid_env.checks import FloatArray, Moments, OwnState
 from hybrid_env.compiled import compiled, internal, prepare, turn_coefficients
 
 STATES = 7
-# Nodes and weights of the quadrature of Gauss and Hermite for a normal distribution.
-HERMITE_NODES = -math.sqrt(3.0), 0.0, math.sqrt(3.0)
-HERMITE_WEIGHTS = 1.0 / 6.0, 2.0 / 3.0, 1.0 / 6.0
 # Relative deviation of the curvature of a turn from that of its mode.
 SPREAD = 0.5
 
@@ -74,6 +71,9 @@ def turned_estimate(
     degree exactly. To first order the filter would become too certain while the rate is not well
     known.
     """
+    # Quadrature of Gauss and Hermite for a normal distribution.
+    nodes = -math.sqrt(3.0), 0.0, math.sqrt(3.0)
+    weights = 1.0 / 6.0, 2.0 / 3.0, 1.0 / 6.0
     deviation = math.sqrt(max(covariance[6, 6], 0.0))
     with_rate = covariance[6, :6].copy()
     # Derivative of the other states by the turn rate.
@@ -85,15 +85,15 @@ def turned_estimate(
     predicted = np.zeros((STATES, STATES))
     predicted[6, 6] = covariance[6, 6]
     for k in range(3):
-        error = HERMITE_NODES[k] * deviation
+        error = nodes[k] * deviation
         matrix = turn_matrix(state[6] + error, seconds)
         means[k] = matrix @ (state[:6] + error * slope)
-        moved[:6] += HERMITE_WEIGHTS[k] * means[k]
-        predicted[:6, :6] += HERMITE_WEIGHTS[k] * (matrix @ given @ matrix.T)
+        moved[:6] += weights[k] * means[k]
+        predicted[:6, :6] += weights[k] * (matrix @ given @ matrix.T)
     for k in range(3):
         apart = means[k] - moved[:6]
-        predicted[:6, :6] += HERMITE_WEIGHTS[k] * np.outer(apart, apart)
-        predicted[:6, 6] += HERMITE_WEIGHTS[k] * HERMITE_NODES[k] * deviation * apart
+        predicted[:6, :6] += weights[k] * np.outer(apart, apart)
+        predicted[:6, 6] += weights[k] * nodes[k] * deviation * apart
     predicted[6, :6] = predicted[:6, 6]
     return moved, predicted
 

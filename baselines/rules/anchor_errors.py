@@ -24,8 +24,6 @@ from hybrid_env.options import WorldOptions
 
 # Components of the distribution.
 COMPONENTS = 4
-# Smallest weight of a filter that is propagated.
-SMALLEST_WEIGHT = 1e-7
 
 
 class AnchorErrors(OwnState):
@@ -88,7 +86,9 @@ class AnchorErrors(OwnState):
         previous = self.layout.read(rows, "previous").argmax(-1)[:, None]
         # What runs on if the hypothesis is true.
         declared = h if self.world.follow == "bank" else np.broadcast_to(previous, h.shape)
-        likely = weight > SMALLEST_WEIGHT
+        # Filters of less weight are not propagated.
+        smallest = 1e-7
+        likely = weight > smallest
         ticks = np.where(likely, self.ticks_left[tracks, None], 0)
         mean, covariance = self.errors_of(
             filters, assumption, component, h, declared, tracks, ticks
@@ -98,7 +98,7 @@ class AnchorErrors(OwnState):
         variance = covariance[..., 4, 4] + (1e-6 * speed) ** 2
         gain = covariance[..., :4, 4] / variance[..., None]
         innovation = speeds(self.world, rows)[:, None] - speed
-        log_weight = np.log(np.maximum(weight, SMALLEST_WEIGHT)) - 0.5 * (
+        log_weight = np.log(np.maximum(weight, smallest)) - 0.5 * (
             np.log(variance) + innovation**2 / variance
         )
         log_weight[~likely] = -np.inf

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from optuna.distributions import BaseDistribution, FloatDistribution, IntDistribution
 
-from studies.filters.correction import Huber, StudentT
+from studies.filters.correction import StudentT
 from studies.filters.imm import IMMFilter
 from studies.filters.kalman import KalmanFilter
 from studies.filters.motion_models import MotionModel
@@ -127,17 +127,14 @@ def _sound_filter(names: Sequence[Any], parameters: Parameters) -> TrackFilter:
     the intensity "q CV" or so on all axes, R known up to the parameter "scale", a prior of the
     start, and a robust update if the parameters have one.
     """
-    updates: dict[str, Callable[[float], Any]] = {
-        "threshold": Huber,
-        "degrees of freedom": StudentT,
-    }
-    robust = [update(parameters[key]) for key, update in updates.items() if key in parameters]
+    freedom = parameters.get("degrees of freedom")
+    robust = None if freedom is None else StudentT(freedom)
     variance = parameters.get("scale", 1.0) * SIGMA**2
     filters = []
     for name in names:
         model = MotionModel(name, axes=3, noise=(parameters[f"q {name}"],) * 3)
         start = START_DEVIATIONS[: model.order - 1]
-        filters.append(KalmanFilter(model, variance, start, *robust))
+        filters.append(KalmanFilter(model, variance, start, robust))
     if len(filters) == 1:
         return filters[0]
     return IMMFilter(filters, [parameters[f"sojourn {name}"] for name in names])
@@ -203,10 +200,7 @@ SOUND = {
 }
 # One set of parameters for both noises; the process noise is that of the sound CV with Gaussian
 # noise.
-ROBUST = {
-    "CV, Huber": _sound(("CV",), threshold=(1.0, 5.0)),
-    "CV, Student-t": _sound(("CV",), degrees_of_freedom=(2.0, 50.0), scale=(0.2, 1.5)),
-}
+ROBUST = {"CV, Student-t": _sound(("CV",), degrees_of_freedom=(2.0, 50.0), scale=(0.2, 1.5))}
 # The IMM and the robust update of the Student-t CV, with the parameters that each has alone.
 COMBINED = "IMM, Student-t"
 CONTENDERS = {**THESIS, **UNTRIED, **SOUND, **ROBUST, COMBINED: _sound(("CV", "CA"))}

@@ -75,7 +75,8 @@ def test_layers_of_ones_own_need_trust(tmp_path, monkeypatch):
 # The exporter that needs no further package.
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_an_exported_network_decides_by_the_program_of_the_page(tmp_path, monkeypatch):
-    pytest.importorskip("onnxruntime")
+    for package in ("onnx", "onnxruntime"):
+        pytest.importorskip(package)
     page = (Path(__file__).parents[3] / "docs/deciders.md").read_text(encoding="utf-8")
     [program] = re.findall(r"```python\n(import onnxruntime.*?)```", page, re.DOTALL)
     (tmp_path / "exported.py").write_text(program)
