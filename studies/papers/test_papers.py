@@ -25,18 +25,11 @@ def test_the_quick_form_writes_tables(tmp_path):
 
 
 @pytest.mark.study
-@pytest.mark.parametrize(
-    ("marks", "papers", "file"),
-    [
-        ("reproduction", [], "reproduction.md"),
-        ("multiple models", ["multiple_models"], "multiple_models.md"),
-    ],
-)
-def test_the_tables_of_the_page_are_up_to_date(tmp_path, marks, papers, file):
+def test_the_table_of_the_page_is_up_to_date(tmp_path):
     page = (Path(__file__).parent / "README.md").read_text()
-    shown = page.split(f"<!-- {marks} -->\n")[1].split(f"<!-- /{marks} -->")[0].splitlines()
-    assert run_command(Reproduce, "papers", [*papers, "--out", str(tmp_path)]) == 0
-    printed = (tmp_path / file).read_text().splitlines()
+    shown = page.split("<!-- reproduction -->\n")[1].split("<!-- /reproduction -->")[0].splitlines()
+    assert run_command(Reproduce, "papers", ["--out", str(tmp_path)]) == 0
+    printed = (tmp_path / "reproduction.md").read_text().splitlines()
 
     assert len(shown) >= 9
     assert [line for line in shown if line.startswith("|") and line not in printed] == []
