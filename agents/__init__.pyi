@@ -1,4 +1,3 @@
-from agents.algorithms import find_algorithm as find_algorithm
 from agents.cli import run_command as run_command
 from agents.evaluation.bound import bound_scores as bound_scores
 from agents.evaluation.registry import find_decider as find_decider
@@ -10,6 +9,7 @@ from agents.functions import compare as compare
 from agents.functions import evaluate as evaluate
 from agents.functions import load as load
 from agents.functions import train as train
+from agents.learned.algorithm_names import find_algorithm as find_algorithm
 from agents.learned.anchor_decider import AnchorDecider as AnchorDecider
 from agents.learned.anchor_inputs import RowRatios as RowRatios
 from agents.learned.anchor_inputs import regret_inputs as regret_inputs

@@ -137,7 +137,7 @@ def _main(
         return 2
     except KeyboardInterrupt as interrupt:
         report(": ".join(["interrupted", *map(str, interrupt.args)]))
-        # Those of processes that end with this one.
+        # Processes that end with this one would warn.
         warnings.simplefilter("ignore")
         return 130
 

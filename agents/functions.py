@@ -11,8 +11,8 @@ from typing import Any
 
 from rich.progress import Progress
 
-from agents.commands.compare import Compare
-from agents.commands.comparison import Comparison
+from agents.comparison.comparison import Comparison
+from agents.comparison.plan import Plan
 from agents.evaluation.registry import find_decider, load_decider
 from agents.evaluation.task import sweep, task_of
 from agents.interface.world_arguments import DEFAULT_ENV
@@ -86,9 +86,8 @@ def compare(
         ArgumentError: an argument is not allowed.
     """
     given = {"deciders": tuple(deciders), "env": env_id, **options}
-    command = of_keywords(Compare, given)
-    folder = None if out is None else Path(out)
-    return command.plan().compare(folder, Progress(disable=True))
+    plan = of_keywords(Plan, given).completed()
+    return plan.compare(None if out is None else Path(out), Progress(disable=True))
 
 
 def train(

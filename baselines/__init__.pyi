@@ -1,6 +1,6 @@
 from baselines.estimation.forecast import forecast as forecast
 from baselines.estimation.mixture import mixture as mixture
-from baselines.estimation.turns import Turn as Turn
+from baselines.estimation.turns import TurnEstimate as TurnEstimate
 from baselines.recordings.online_estimate import OnlineEstimate as OnlineEstimate
 from baselines.recordings.reading.igc import IgcLog as IgcLog
 from baselines.recordings.reading.igc import parse_igc as parse_igc

@@ -25,7 +25,7 @@ DRAWN = "drawn"
 class DurationLaw(Checked):
     """A law of the durations of all segments. A law of the user is a subclass with both methods."""
 
-    # Texts of a law of `LAWS`, as a message shows them.
+    # Texts of a law of `DURATION_LAWS`, as a message shows them.
     examples: ClassVar[tuple[str, ...]]
     # Pattern of its text, with a group for each field that the text has.
     form: ClassVar[str]
@@ -120,7 +120,7 @@ class UniformDurations(DurationLaw):
         return f"uniform {self.shortest}-{self.longest}"
 
 
-LAWS: tuple[type[DurationLaw], ...] = (GeometricDurations, UniformDurations)
+DURATION_LAWS: tuple[type[DurationLaw], ...] = (GeometricDurations, UniformDurations)
 """The laws that a text can name."""
 
 
@@ -203,7 +203,7 @@ def _parse_simple(text: str, value: Any, name: str) -> SimpleDurations:
     """Parse the law of one mode, which is a part of a value."""
     laws: list[DurationLaw] = []
     for part in text.split(" or ", 1):
-        for kind in LAWS:
+        for kind in DURATION_LAWS:
             if match := re.fullmatch(kind.form, part):
                 numbers = {
                     key: float(number) if "." in number else int(number)
@@ -213,7 +213,7 @@ def _parse_simple(text: str, value: Any, name: str) -> SimpleDurations:
                 laws.append(kind(**numbers))
                 break
         else:
-            examples = ", ".join(repr(text) for law in LAWS for text in law.examples)
+            examples = ", ".join(repr(text) for law in DURATION_LAWS for text in law.examples)
             allowed = "'uniform 30-40 or uniform 80-90', 'straight ..., turns ...', or 'drawn'"
             raise reject(name, value, f"{examples}, {allowed}")
     return TwoDurations(*laws) if len(laws) > 1 else laws[0]

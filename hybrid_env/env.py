@@ -25,7 +25,7 @@ from hybrid_env.options import WorldOptions
 from hybrid_env.rendering import RENDER_FPS, RENDER_MODES
 from hybrid_env.rendering.frame import draw_frame
 from hybrid_env.rendering.history import History
-from hybrid_env.world import World, state_of
+from hybrid_env.world import World, stream_state
 
 
 class TrackEnv(OwnState, gym.Env[Float32Array, np.int64]):
@@ -122,7 +122,7 @@ class TrackEnv(OwnState, gym.Env[Float32Array, np.int64]):
         checked("options", options, Mapping | None)
         super().reset(seed=None if seed is None else check_integer("seed", seed, minimum=0))
         if seed is not None or not self.world.seeded[0]:
-            self.world.seed(0, state_of(self.np_random))
+            self.world.seed(0, stream_state(self.np_random))
         self.world.reset(self._reset_mask)
         self._started = True
         info = self._info()

@@ -15,9 +15,6 @@ from hybrid_env.core.errors import ArgumentError
 
 DISTRIBUTION = "hybrid-track"
 
-OTHER_NAMES = {"PIL": "pillow", "pygame": "pygame-ce", "yaml": "pyyaml"}
-"""Distributions that are not called as their modules."""
-
 
 class MissingExtraError(ArgumentError, ModuleNotFoundError):
     """A module of an optional dependency is missing. The message is one line that says how to
@@ -43,7 +40,9 @@ def explained() -> Iterator[None]:
 def extra_of(module: str) -> str | None:
     """Return the first extra of pyproject.toml that brings a module; None if none does."""
     top = module.partition(".")[0]
-    wanted = OTHER_NAMES.get(top, top).replace("_", "-").lower()
+    # Distributions that are not called as their modules.
+    other = {"PIL": "pillow", "pygame": "pygame-ce", "yaml": "pyyaml"}
+    wanted = other.get(top, top).replace("_", "-").lower()
     try:
         requirements = metadata.requires(DISTRIBUTION) or []
     except metadata.PackageNotFoundError:

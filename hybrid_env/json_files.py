@@ -5,13 +5,8 @@ import math
 from pathlib import Path
 from typing import Any
 
-# Bytes.
-LARGEST_FILE = 32 * 1024
-# Exact as float64.
-LARGEST_INTEGER = 2**53
 
-
-def read_text(path: Path, largest: int = LARGEST_FILE) -> str:
+def read_text(path: Path, largest: int = 32 * 1024) -> str:
     """Read a file in UTF-8 of at most `largest` bytes. Raises OSError or ValueError."""
     # A named pipe would wait for its writer.
     if not path.is_file():
@@ -23,7 +18,7 @@ def read_text(path: Path, largest: int = LARGEST_FILE) -> str:
     return content.decode("utf-8")
 
 
-def read_json(path: Path, largest: int = LARGEST_FILE) -> Any:
+def read_json(path: Path, largest: int = 32 * 1024) -> Any:
     """Read JSON, as `read_text`; NaN, infinities and integers that float64 does not hold exactly
     are refused.
     """
@@ -43,8 +38,9 @@ def read_json(path: Path, largest: int = LARGEST_FILE) -> Any:
 
 def bounded_number(number: Any) -> Any:
     """Return a finite number; `ValueError` for others, and for integers that are too large."""
-    if isinstance(number, int) and abs(number) > LARGEST_INTEGER:
-        raise ValueError(f"an integer is larger than {LARGEST_INTEGER}")
+    # Exact as float64.
+    if isinstance(number, int) and abs(number) > 2**53:
+        raise ValueError(f"an integer is larger than {2**53}")
     if not math.isfinite(number):
         raise ValueError("a number is not finite")
     return number

@@ -14,7 +14,7 @@ from hybrid_env.checks import FloatArray, checked, elements, reject
 MAX_LENGTH = 1_000_000
 
 Ticks: TypeAlias = Annotated[int, Interval(ge=1, le=MAX_LENGTH)]
-# Of any unit.
+# Numbers of any unit.
 Quantity: TypeAlias = Annotated[float, Interval(ge=1e-18, le=1e18)]
 QuantityOrZero: TypeAlias = Annotated[float, Interval(ge=0.0, le=1e18)]
 

@@ -69,9 +69,9 @@ class ModelOptions(Checked):
     """
 
     switches: ClassVar[Literal["announced", "unknown"]]
-    # Of the current tick, in the order of `info`.
+    # Names of what `info` tells of the current tick, in its order.
     tick_names: ClassVar[tuple[str, ...]]
-    # Of every hypothesis, in `info`.
+    # Name of what `info` tells of every hypothesis.
     hypothesis_field: ClassVar[str]
 
     radii: Annotated[tuple[float, ...], distinct_radii] = (5.0,)
@@ -109,7 +109,7 @@ class ModelOptions(Checked):
         assert isinstance(self.initial_error, tuple)
         pushed = 0.0
         if self.modes is not None:
-            # Of states in units of a tick.
+            # Factors that give the states the tick as their unit of time.
             scales = self.tau ** np.array([0.0, 1.0, 0.0, 1.0, 2.0, 2.0])
             motions = self.motions
             deviations = np.sqrt(np.diagonal(motions["Q"], 0, 1, 2).clip(0.0))

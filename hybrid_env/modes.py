@@ -263,10 +263,6 @@ class LinearMode(Mode):
         return asdict(self)
 
 
-KINDS: tuple[type[Mode], ...] = (Straight, Stop, TurnRate, Accelerate)
-"""The modes that a text names by their words; turns are named by their side."""
-
-
 def as_tuples(array: FloatArray) -> tuple[Any, ...]:
     """Return the numbers of a vector, or the rows of a matrix."""
     numbers: list[Any] = array.tolist()
@@ -336,7 +332,8 @@ def mode_of_text(text: Any) -> Mode | None:
         numbers = [float(match[2])] if match[2] else []
         if match[1] in ("left", "right"):
             return Turn(*(number if match[1] == "left" else -number for number in numbers))
-        return next(kind(*numbers) for kind in KINDS if kind.words == match[1])
+        kinds: tuple[type[Mode], ...] = (Straight, Stop, TurnRate, Accelerate)
+        return next(kind(*numbers) for kind in kinds if kind.words == match[1])
     except (StopIteration, TypeError, ValueError):
         return None
 

@@ -25,11 +25,13 @@ from hybrid_env.core.noise import GAUSSIAN, LEVY, OUTLIERS, OWN, STUDENT_T, comp
 
 @dataclass(frozen=True)
 class Noise(Checked):
-    """A law of the measurement noise. The fields of a law in `LAWS` are the numbers of its text."""
+    """A law of the measurement noise. The fields of a law in `NOISE_LAWS` are the numbers of its
+    text.
+    """
 
     # Its text, which begins with its name.
     example: ClassVar[str]
-    # Of `core.noise`.
+    # The number of the law in `core.noise`.
     law: ClassVar[int]
     # Shape, scale and clip for the kernel: a number or the name of a field.
     numbers: ClassVar[tuple[str | float, ...]]
@@ -119,7 +121,7 @@ class StudentNoise(Noise):
     freedom: Annotated[float, Interval(ge=1.0, le=1e6)]
 
 
-LAWS: dict[str, type[Noise]] = {
+NOISE_LAWS: dict[str, type[Noise]] = {
     law.example.partition(" ")[0]: law
     for law in (GaussianNoise, OutlierNoise, LevyNoise, StudentNoise)
 }
@@ -175,15 +177,15 @@ def parse_noise(value: Any, name: str = "noise", allowed: str = "") -> Noise:
     message.
     """
     words = value.split() if isinstance(value, str) else []
-    examples = ", ".join(repr(law.example) for law in LAWS.values())
+    examples = ", ".join(repr(law.example) for law in NOISE_LAWS.values())
     allowed = allowed or f"{examples}, or a law of hybrid_env.noises"
     try:
         if isinstance(value, Noise):
             # What is compiled for a law is found by its values.
             hash(value)
             return value
-        if words and words[0] in LAWS:
-            return LAWS[words[0]](*map(float, words[1:]))
+        if words and words[0] in NOISE_LAWS:
+            return NOISE_LAWS[words[0]](*map(float, words[1:]))
     except (TypeError, ValueError) as error:
         raise reject(name, value, f"{allowed} ({error})") from None
     raise reject(name, value, allowed)

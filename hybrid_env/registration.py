@@ -39,9 +39,6 @@ REWARD_THRESHOLDS = {
 }
 """Mean return of an episode of the best known rule, by id."""
 
-MAX_EPISODE_STEPS = 10_000
-"""Limit of the registered ids, for libraries that need one."""
-
 
 def register_environments() -> None:
     """Register every id that is not registered yet."""
@@ -54,7 +51,8 @@ def register_environments() -> None:
                 entry_point=f"hybrid_env.{module}:HybridTrack{kind}Env",
                 vector_entry_point=f"hybrid_env.vector_env:HybridTrack{kind}VectorEnv",
                 kwargs=options,
-                max_episode_steps=MAX_EPISODE_STEPS,
+                # Some libraries need a limit.
+                max_episode_steps=10_000,
                 reward_threshold=REWARD_THRESHOLDS[env_id],
             )
 

@@ -129,7 +129,7 @@ class Fused(NamedTuple):
     position: tuple[float, float]
     # Xx, xy, yy of its error [m^2]; None is variance R.
     covariance: tuple[float, float, float] | None = None
-    # Of each radar with a range rate, in the order of the list [m/s]; NaN without one.
+    # Range rate of each radar that measures it, in the order of the list [m/s]; NaN without one.
     rates: tuple[float, ...] = ()
 
 

@@ -324,11 +324,11 @@ class World:
 
 def random_states(seeds: Sequence[int | None]) -> NDArray[np.uint64]:
     """Return the initial states of random streams, (n, 4), of seeds >= 0; None is a random one."""
-    return np.array([state_of(seeding.np_random(seed)[0]) for seed in seeds], np.uint64).reshape(
-        -1, 4
-    )
+    return np.array(
+        [stream_state(seeding.np_random(seed)[0]) for seed in seeds], np.uint64
+    ).reshape(-1, 4)
 
 
-def state_of(generator: np.random.Generator) -> NDArray[np.uint64]:
+def stream_state(generator: np.random.Generator) -> NDArray[np.uint64]:
     """Return the state of a random stream drawn from a generator, (4,)."""
     return generator.integers(1, 2**64, 4, dtype=np.uint64)

@@ -23,12 +23,6 @@ OTHERS = [
 """Of types that no field of one number, flag or word has."""
 
 
-def limits_of(kind, name):
-    """Return the smallest and the largest value of a field that has both."""
-    limits = declaration(declared_fields(kind)[name])[1]
-    return limits["ge"], limits["le"]
-
-
 def beyond(hint):
     """Yield values next to the limits of a declared type, and some of other types."""
     kind, limits = declaration(hint)

@@ -34,7 +34,7 @@ CAR = Object(12.0, 80.0, 1.0, 1.5)
 SHIP = Object(8.0, 500.0, 1.0, 5.0, 1e-6)
 SHIP_STEPS = 2.0, 30.0
 
-# Of the radar: standard deviations of range [m] and azimuth [deg].
+# Standard deviations of the radar: those of range [m] and azimuth [deg].
 RANGE_DEVIATION = 28.0
 AZIMUTH_DEVIATION = 0.21
 # First position of the aircraft, seen from the radar [m].

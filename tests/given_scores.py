@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from agents.commands.comparison import Comparison
+from agents.comparison.comparison import Comparison
 from agents.evaluation.report import Result
 from agents.evaluation.task import task_of
 from baselines.rules.decider import rules
@@ -31,7 +31,7 @@ def announced_scores(name, accuracy, ticks):
     accuracy, ticks = np.array(accuracy), np.array(ticks)
     return scores_of(
         name,
-        decisions.COLUMNS,
+        decisions.DECISION_COLUMNS,
         extra={"confusion": np.zeros((len(ticks), 3, 3), int)},
         accuracy=accuracy,
         type_accuracy=accuracy,
@@ -47,7 +47,7 @@ def unknown_scores(name, rates, delays, rewards):
     delays, switches = np.array(delays), np.full(len(rates), 8.0)
     return scores_of(
         name,
-        statements.COLUMNS,
+        statements.STATEMENT_COLUMNS,
         6,
         {"delay_quantiles": np.stack([delays, delays], axis=1)},
         reward=rewards,

@@ -137,7 +137,7 @@ def refused(function, *arguments, **keywords):
         function(*arguments, **keywords)
     message = str(caught.value)
     assert len(message) <= LONGEST
-    # Also no line break.
+    # There is no line break either.
     assert message.isprintable()
     assert "expected" in message
     return message

@@ -8,7 +8,7 @@ from scipy import stats
 from hybrid_env.core.memory import PublishedBank
 from hybrid_env.live import SQUARE
 
-# Of the robust likelihood in the tests.
+# Degrees of freedom of the robust likelihood in the tests.
 FREEDOM = 4.0
 
 
@@ -51,7 +51,7 @@ def correct(x, P, z, R, rates=(), freedom=0):
 class MatrixFilter:
     """A filter with the state x and its covariance P, whose subclass has `predicted`."""
 
-    # Of radars in the next tick, see `correct`.
+    # Range rates of radars in the next tick, see `correct`.
     rates = ()
     freedom = 0
     log_likelihood = 0.0

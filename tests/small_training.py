@@ -4,19 +4,25 @@ killed.
 Usage: python small_training.py <kind> <folder> <steps> <seconds between checkpoints>
 """
 
+import functools
 import json
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 import small_network
 import torch
 
+from agents.evaluation.registry import learned_decider
 from agents.learned.policy_file import load_policy
 from agents.training.learning_curve import LearningCurve
 from agents.training.recipe import load_recipe
 from agents.training.run_folder import CONFIG, read_metrics
 from agents.training.runs import make_run, resume_run
+from baselines.rules.decider import UNKNOWN
+from baselines.rules.rollout import record_decisions, record_statements
+from hybrid_env import QuickestOptions, WorldOptions
 
 STEPS = 1920
 SMALL_PPO = (
@@ -60,11 +66,11 @@ def log_often(set_value=setattr):
     set_value(LearningCurve, "episodes", 5)
 
 
-def small_run(kind, folder=None, steps=STEPS, seed=3):
+def small_run(kind, folder=None, steps=STEPS, seed=3, kinds=KINDS):
     """A new run."""
     if kind in ("recurrent-ppo", "qrdqn"):
         pytest.importorskip("sb3_contrib")
-    recipe, env, options, changes = KINDS[kind]
+    recipe, env, options, changes = kinds[kind]
     recipe = load_recipe(recipe, env, changes)
     return make_run(f"hybrid_env:{env}", options, recipe, seed, folder, steps)
 
@@ -97,12 +103,37 @@ def interrupt_at(steps):
     return interrupt
 
 
-def interrupted(kind, folder, at, steps=STEPS):
+def interrupted(kind, folder, at, kinds=KINDS):
     """A folder of a run that was interrupted; checkpoints after every update."""
-    run = small_run(kind, folder, steps)
+    run = small_run(kind, folder, kinds=kinds)
     with pytest.raises(KeyboardInterrupt):
         run.train(interrupt_at(at), save_every=0.0)
     return folder
+
+
+def whole_runs(folder, kinds=KINDS):
+    """A function that returns the run of an uninterrupted training of a kind, made once."""
+
+    @functools.cache
+    def run_of(kind):
+        run = small_run(kind, folder / kind, kinds=kinds)
+        run.train()
+        return run
+
+    return run_of
+
+
+def assert_folder_decides_as(run, options):
+    """Check that the agent of a run folder decides as the trained one."""
+    unknown = run.switches == UNKNOWN
+    world = (QuickestOptions if unknown else WorldOptions)(**options)
+    decided = [
+        record_statements(decider, 3, 3, **options).stated_modes
+        if unknown
+        else record_decisions(decider, run.env_id, 3, 1, **options).ticks
+        for decider in (learned_decider(run.folder, world), run.agent(""))
+    ]
+    np.testing.assert_array_equal(*decided)
 
 
 def main(kind, folder, steps, save_every):

@@ -89,7 +89,6 @@ def test_the_help_without_the_extra_of_the_commands_says_how_to_install_it(monke
 @pytest.mark.parametrize(
     ("module", "extra", "line"),
     [
-        ("onnx", "onnx", "evaluate policy.onnx"),
         ("sb3_contrib", "recurrent", "train --recipe recurrent-ppo --steps 1 --out run"),
         ("ray", "cluster", "compare ate --engine ray --episodes 2 --no-curves --out results"),
         ("plotly", "html", "track walk.csv --html"),
@@ -100,7 +99,6 @@ def test_a_command_whose_package_is_missing_says_how_to_install_it(
 ):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setitem(sys.modules, module, None)
-    Path("policy.onnx").touch()
     Path("walk.csv").write_text("x,y\n" + "1,2\n3,4\n" * 20)
 
     assert main(line.split()) == 2

@@ -7,6 +7,7 @@ import importlib
 import subprocess
 import sys
 import tomllib
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -48,6 +49,30 @@ def test_they_are_few_and_load_nothing_slow_before_they_are_used():
     assert len(NAMES) <= 100
     assert "agents" in loaded
     assert not slow & set(loaded)
+
+
+def defined(path):
+    """Yield the public names that a file defines at its top."""
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        targets = getattr(node, "targets", [getattr(node, "target", node)])
+        names = {getattr(target, "id", getattr(target, "name", "_")) for target in targets}
+        yield from (name for name in names if not name.startswith("_"))
+
+
+def test_no_public_name_is_defined_twice():
+    """But in the core, where banks and kinds of switches are modules of the same functions."""
+    core = ROOT / "hybrid_env/core"
+    counts = Counter(
+        name
+        for package in PACKAGES
+        for path in (ROOT / package).rglob("*.py")
+        if not path.is_relative_to(core)
+        for name in defined(path)
+    )
+
+    # The console script has one, and the commands that it loads have another one.
+    assert counts.pop("main") == 2
+    assert [name for name, count in counts.items() if count > 1] == []
 
 
 @pytest.mark.study

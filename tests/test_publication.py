@@ -6,7 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from agents.evaluation.registry import WEIGHTS
+from agents.evaluation.registry import SHIPPED
 
 ROOT = Path(__file__).parents[1]
 README, PAPER, BIBLIOGRAPHY, CARDS = (
@@ -31,7 +31,7 @@ def test_the_table_of_the_paper_is_that_of_the_readme():
 
 def test_the_page_of_the_agents_has_the_card_of_every_set_of_weights():
     rows = re.findall(r"^\| `\w+` \| .*\(\.\./(agents/.*/policy\.json)\) \|$", CARDS, re.MULTILINE)
-    cards = [path.relative_to(ROOT) for path in WEIGHTS.glob("*/*/policy.json")]
+    cards = [path.relative_to(ROOT) for path in SHIPPED.glob("*/*/policy.json")]
 
     assert sorted(rows) == sorted(map(str, cards))
     for path in rows:

@@ -12,10 +12,8 @@ import tomllib
 import venv
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 import pytest
-from hostile_policies import node, write_onnx
 
 from agents.cli import main
 from agents.commands import COMMANDS
@@ -39,7 +37,6 @@ COMMAND_LINES = {
     "play": ("play fixed:1",),
     "all": (),
     "html": ("play fixed:1 --out episode.html", "track flight.csv --html --out page"),
-    "onnx": ("evaluate policy.onnx --episodes 20",),
     "recurrent": ("train --recipe recurrent-ppo --steps 1 --out recurrent",),
     "cluster": ("compare ate --episodes 20 --engine ray --out clustered",),
 }
@@ -132,8 +129,6 @@ def folder(tmp_path_factory):
     (folder / "walk.gpx").write_text(walk)
     (folder / "truth.csv").write_text("time,mode\n0,walk\n5,run\n9,run\n")
     (folder / "stated.csv").write_text("time,mode\n0,walk\n6,run\n9,run\n")
-    weights = {"weight": np.eye(29, 4, dtype=np.float32)}
-    write_onnx(folder / "policy.onnx", [node("MatMul", "x weight", "y")], weights)
     return folder
 
 

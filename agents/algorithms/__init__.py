@@ -1,45 +1,6 @@
 """Training algorithms of Stable-Baselines3 and sb3-contrib, one a file, with their
 hyper-parameters.
 
-An algorithm is a subclass of `agents.training.algorithm.Algorithm` and registers itself. Those of
-this package are found by the name of their file, those of studies and of users by
-"package.module:Name".
+An algorithm is a subclass of `agents.training.algorithm.Algorithm` and registers itself, see
+`agents.learned.algorithm_names`.
 """
-
-import importlib
-import pkgutil
-from typing import Any
-
-from agents.interface.world_arguments import TRUST, trusted
-from baselines.rules.external import find_external
-from hybrid_env.checks import reject
-
-# By name: all that have been imported.
-REGISTERED: dict[str, Any] = {}
-
-
-def algorithm_names() -> list[str]:
-    """Return the names of the algorithms of this package."""
-    return [module.name for module in pkgutil.iter_modules(__path__)]
-
-
-def find_algorithm(name: Any, *, imported: bool = False) -> Any:
-    """Return the class of an algorithm.
-
-    Args:
-        name: of this package, or "package.module:Name".
-        imported: import the module of such a name, which runs its code. If False, as for the names
-            in files of weights, it must have been imported, or policies of others are `trusted`.
-    """
-    names = algorithm_names()
-    if name in names:
-        importlib.import_module(f"{__name__}.{name}")
-    elif isinstance(name, str) and name not in REGISTERED and (imported or trusted()):
-        kind = find_external(name)
-        if any(kind is other for other in REGISTERED.values()):
-            return kind
-    if not isinstance(name, str) or name not in REGISTERED:
-        of_others = f"package.module:Name, with {TRUST}=1 if it is not imported"
-        allowed = f"{', '.join(names)}, or {of_others}"
-        raise reject("algo", name, allowed)
-    return REGISTERED[name]

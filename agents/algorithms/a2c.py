@@ -15,9 +15,9 @@ from hybrid_env.checks import Count
 class A2CSettings(LibrarySettings):
     """Hyper-parameters of A2C."""
 
-    # Of each track per rollout.
+    # Steps of each track per rollout.
     n_steps: Count
-    # Of generalized advantage estimation.
+    # Lambda of generalized advantage estimation.
     gae_lambda: Factor
     # Entropy coefficient of the loss.
     ent_coef: Annotated[float, Ge(0.0)]

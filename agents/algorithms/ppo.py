@@ -14,7 +14,7 @@ from hybrid_env.checks import Count, reject
 class PPOSettings(A2CSettings):
     """Hyper-parameters of PPO and RecurrentPPO."""
 
-    # Of a mini-batch; a divisor of n_envs x n_steps.
+    # Size of a mini-batch; a divisor of n_envs x n_steps.
     batch_size: Annotated[int, Ge(2)]
     # Passes over a rollout per update.
     n_epochs: Count

@@ -12,7 +12,7 @@ from agents.evaluation.registry import (
     check_name,
     distinct_titles,
     find_decider,
-    is_chosen,
+    parse_name,
 )
 from agents.evaluation.report import Result, result_tables
 from agents.evaluation.task import sweep, task_of
@@ -37,7 +37,7 @@ class Evaluate(WorldArguments, ErrorArguments, TrustArguments):
         shown_default("ate; threshold in HybridTrackQuickest-v0"),
     ] = ()
     """Rules, 'shipped', run folders, policies of other libraries or rules of your own, with
-    optional thresholds: 'ate:1e-6', 'fixed:30', 'runs/ppo:-2', 'model.zip', 'policy.onnx',
+    optional thresholds: 'ate:1e-6', 'fixed:30', 'runs/ppo:-2', 'model.zip',
     'mine.py:MyRule:0.1'. Announced switches: {announced}. Unknown switches: {unknown}.
     """
     episodes: Count = 1000
@@ -83,9 +83,9 @@ class Evaluate(WorldArguments, ErrorArguments, TrustArguments):
             ]
             titles = distinct_titles(names, [decider.title for decider in deciders])
             for name, title, task, decider in zip(names, titles, tasks, deciders, strict=True):
-                if is_chosen(self.at_error(name)):
+                if parse_name(self.at_error(name)).chosen:
                     progress.update(bar, description=f"Choosing the threshold of {title}")
-                    # It remembers what it has chosen.
+                    # The decider remembers what it has chosen.
                     decider.at(decider.threshold)
                 progress.update(bar, description=f"Evaluating {title}")
                 scores = sweep(

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 from string import Template
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import tyro
@@ -20,85 +20,19 @@ from PIL import Image
 from rich.console import Console
 from rich.progress import Progress
 
-from agents.evaluation.episodes import episode_table, page_data, timeline
-from agents.evaluation.registry import ErrorArguments, check_name, find_decider, load_decider
-from agents.evaluation.task import Task, task_of
-from agents.figures.tracks import TrackRecord
+from agents.evaluation.episodes import Episodes, episode_table
+from agents.evaluation.registry import ErrorArguments, check_name
+from agents.evaluation.task import task_of
 from agents.interface.help_texts import shown_default
 from agents.interface.output_files import atomic_file, finite
 from agents.interface.progress import print_lines, progress_display
 from agents.interface.world_arguments import TrustArguments, WorldArguments
-from baselines.rules.rollout import rollout
 from hybrid_env.checks import ArgumentError, Count, NotNegative, reject
 from hybrid_env.extras import explained
-from hybrid_env.registration import make_track_vector_env
 from hybrid_env.rendering import FRAME_SIZE, RENDER_FPS
 from hybrid_env.rendering.evidence import legend_colours, mode_colour, mode_name
 from hybrid_env.rendering.frame import draw_frame
 from hybrid_env.rendering.history import History
-
-PAGE = Path(__file__).with_name("episode.html")
-"""Of an episode, for a browser; the data and plotly.js are put in."""
-
-
-class Episodes:
-    """Episodes of a decider on one track; `decider` replaces that of the name. `of_filters` keeps
-    the evidence of the filters in the history, in place of what the decider compares with its
-    threshold.
-    """
-
-    def __init__(self, task: Task, name: str, decider: Any = None, of_filters: bool = False):
-        changes = dict((decider or find_decider(name, task.options)).options)
-        if getattr(task.options, "actions", "all") == "types":
-            # Deciders declare hypotheses.
-            changes["actions"] = "all"
-        self.task, self.name = task.changed(changes), name
-        given = {"render_mode": "rgb_array", **self.task.given}
-        options = make_track_vector_env(task.env_id, 1, **given).options
-        self.decider = load_decider(name, options) if decider is None else decider
-        # Between decisions that the environment does not ask for.
-        self.every = options.decide_every if self.decider.every_tick else 1
-        if self.every > 1:
-            given["decide_every"] = 1
-        self.env = make_track_vector_env(task.env_id, 1, **given)
-        self.of_filters = of_filters
-        # The running episode.
-        self.history = History(self.env.options, self.decider.panel())
-        self.env.histories[0] = self.history
-        # Of its steps: rows of the history, and rewards.
-        self.rewards: list[tuple[int, float]] = []
-
-    def play(self, seed: int) -> Iterator[History]:
-        """Play an episode; yield its history before every step, with the evidence of the
-        decider.
-        """
-        self.rewards = []
-        row = 0
-        for now in rollout(self.env, self.decider, seed, decide_every=self.every):
-            if now.step:
-                self.rewards.append((row, float(now.rewards[0])))
-            if now.terminated[0]:
-                return
-            row = len(self.history.trace) - 1
-            if not self.of_filters:
-                evidence = self.decider.evidence(now.seen, now.state, now.starts)
-                self.history.set_evidence(evidence[0])
-            yield self.history
-
-    def record(self, name: str, seed: int) -> TrackRecord:
-        """Play an episode and return what was declared or stated at every tick, with the name in
-        the figure.
-        """
-        # Plays the episode.
-        list(self.play(seed))
-        return TrackRecord(name=name, history=self.history, **timeline(self.task, self.history))
-
-    def page_data(self) -> dict[str, Any]:
-        """Return what a page shows of the episode that was played last."""
-        rows, rewards = zip(*self.rewards, strict=True)
-        earned = np.zeros(len(self.history.trace))
-        earned[list(rows)] = rewards
-        return {"name": self.name, **page_data(self.task, self.history, earned)}
 
 
 @dataclass(kw_only=True)
@@ -246,7 +180,8 @@ def write_page(path: Path, every: Sequence[Episodes], title: str) -> None:
     }
     # A name cannot end the script.
     text = json.dumps(data).replace("<", "\\u003c")
-    page = Template(PAGE.read_text(encoding="utf-8"))
+    # The data and plotly.js are put in.
+    page = Template(Path(__file__).with_name("episode.html").read_text(encoding="utf-8"))
     with atomic_file(path) as part:
         part.write_text(page.substitute(library=get_plotlyjs(), episode=text), encoding="utf-8")
 

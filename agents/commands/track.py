@@ -32,7 +32,7 @@ from hybrid_env.sensors import parse_sensors
 # Number of rows of a table that are written at a time.
 ROWS = 100_000
 
-Report: TypeAlias = tuple[list[str], list[Table], str]
+FileReport: TypeAlias = tuple[list[str], list[Table], str]
 """What was read and found of a file, in lines; for a single one also its pieces and where the
 results are.
 """
@@ -127,11 +127,11 @@ class Track(TrackingArguments, TrustArguments):
             check_plotly()
         # Up to this many files, each has a picture by default; it takes longer than the tracking.
         png = len(self.files) <= 20 if self.png is None else self.png
-        # It is sent to a process with every file.
+        # The work is sent to a process with every file.
         work = replace(self, files=(), png=png)
         work_on_files(work.track_file, self.files, self.folders(), self.jobs)
 
-    def track_file(self, path: Path, folder: Path) -> Report:
+    def track_file(self, path: Path, folder: Path) -> FileReport:
         """Track the recordings of a file, and then write; several objects have folders of their
         own inside.
         """
@@ -158,7 +158,7 @@ class Track(TrackingArguments, TrustArguments):
                 self._write(tracked, place)
             written = ", ".join(sorted(path.name for path in places[0].iterdir()))
         for place in places:
-            # Of results that are overwritten.
+            # The rows of results that are overwritten may have the other format.
             (folder / place.relative_to(part) / ROW_FILES[not self.parquet]).unlink(missing_ok=True)
         warnings = [warning.removeprefix(f"{path}: ") for warning in file.warnings]
         lines = [file.summary, *map("  warning: {}".format, warnings)]
@@ -181,7 +181,7 @@ class Track(TrackingArguments, TrustArguments):
         pieces.to_csv(folder / "modes.csv", index=False, na_rep="nan", lineterminator="\n")
         rows = tracked.row_table()
         rows["object"] = [name] * len(rows["object"])
-        write_rows(folder / ROW_FILES[self.parquet], rows)
+        write_table(folder / ROW_FILES[self.parquet], rows)
         write_json(folder / "track.json", tracked.settings())
         if self.png:
             # Matplotlib; other commands start faster.
@@ -229,7 +229,7 @@ class Track(TrackingArguments, TrustArguments):
         return folders
 
 
-def write_rows(path: Path, columns: Mapping[str, Any]) -> None:
+def write_table(path: Path, columns: Mapping[str, Any]) -> None:
     """Write a table of n rows as Parquet, or as CSV to a path that ends so. columns: (n,) values of
     each by its name; a text that is empty is a cell without a value.
     """
@@ -343,7 +343,7 @@ def object_folders(folder: Path, names: Sequence[str]) -> list[Path]:
 
 
 def work_on_files(
-    work: Callable[[Path, Path], Report],
+    work: Callable[[Path, Path], FileReport],
     paths: Sequence[Path],
     folders: Sequence[Path],
     jobs: Count | None = None,
@@ -385,7 +385,9 @@ def work_on_files(
         raise ArgumentError(f"{failed:,} of {len(paths):,} files could not be tracked")
 
 
-def _attempt(work: Callable[[Path, Path], Report], path: Path, folder: Path) -> Report | str:
+def _attempt(
+    work: Callable[[Path, Path], FileReport], path: Path, folder: Path
+) -> FileReport | str:
     """Return the report on a file, or why there is none."""
     try:
         return work(path, folder)

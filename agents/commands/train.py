@@ -38,7 +38,7 @@ class Train(WorldArguments):
 
     def run(self) -> None:
         """Train with a progress display and print a summary."""
-        from agents.algorithms import find_algorithm
+        from agents.learned.algorithm_names import find_algorithm
         from agents.training.recipe import load_recipe
 
         # A wrong name is refused before PyTorch is imported, which is slow.

@@ -88,7 +88,7 @@ def _announced_panels(task: Any, groups: Groups, bound: float | None) -> list[Pa
         (max(0.6, 1.1 * wrong.max()), min(0.8e-3, 0.8 * wrong.min())),
         {share: f"{100 * (1 - share):g}" for share in shares},
         log=True,
-        # Of which the mean times are in tables.
+        # The mean times at these levels are in tables.
         levels=(0.05, 0.02),
     )
     reward = Axis(

@@ -1,5 +1,8 @@
-"""An episode that was played: its table, and its picture beside that of other deciders."""
+"""Episodes of a decider on one track: playing them, their table, and their picture beside that of
+other deciders.
+"""
 
+from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any
 
@@ -8,13 +11,76 @@ from rich.table import Table
 from scipy.special import softmax
 
 from agents.evaluation.cells import filled_table
+from agents.evaluation.registry import find_decider, load_decider
 from agents.evaluation.task import Task
-from agents.figures.tracks import UNDECIDED
+from agents.figures.tracks import UNDECIDED, TrackRecord
 from agents.interface.output_files import finite
+from baselines.rules.rollout import rollout
 from baselines.scoring.statements import Statements, measure_statements
 from hybrid_env.checks import FloatArray
+from hybrid_env.registration import make_track_vector_env
 from hybrid_env.rendering.evidence import mode_name
 from hybrid_env.rendering.history import History
+
+
+class Episodes:
+    """Episodes of a decider on one track; `decider` replaces that of the name. `of_filters` keeps
+    the evidence of the filters in the history, in place of what the decider compares with its
+    threshold.
+    """
+
+    def __init__(self, task: Task, name: str, decider: Any = None, of_filters: bool = False):
+        changes = dict((decider or find_decider(name, task.options)).options)
+        if getattr(task.options, "actions", "all") == "types":
+            # Deciders declare hypotheses.
+            changes["actions"] = "all"
+        self.task, self.name = task.changed(changes), name
+        given = {"render_mode": "rgb_array", **self.task.given}
+        options = make_track_vector_env(task.env_id, 1, **given).options
+        self.decider = load_decider(name, options) if decider is None else decider
+        # Between decisions that the environment does not ask for.
+        self.every = options.decide_every if self.decider.every_tick else 1
+        if self.every > 1:
+            given["decide_every"] = 1
+        self.env = make_track_vector_env(task.env_id, 1, **given)
+        self.of_filters = of_filters
+        # The running episode.
+        self.history = History(self.env.options, self.decider.panel())
+        self.env.histories[0] = self.history
+        # Its steps: rows of the history, and rewards.
+        self.rewards: list[tuple[int, float]] = []
+
+    def play(self, seed: int) -> Iterator[History]:
+        """Play an episode; yield its history before every step, with the evidence of the
+        decider.
+        """
+        self.rewards = []
+        row = 0
+        for now in rollout(self.env, self.decider, seed, decide_every=self.every):
+            if now.step:
+                self.rewards.append((row, float(now.rewards[0])))
+            if now.terminated[0]:
+                return
+            row = len(self.history.trace) - 1
+            if not self.of_filters:
+                evidence = self.decider.evidence(now.seen, now.state, now.starts)
+                self.history.set_evidence(evidence[0])
+            yield self.history
+
+    def record(self, name: str, seed: int) -> TrackRecord:
+        """Play an episode and return what was declared or stated at every tick, with the name in
+        the figure.
+        """
+        # Plays the episode.
+        list(self.play(seed))
+        return TrackRecord(name=name, history=self.history, **timeline(self.task, self.history))
+
+    def page_data(self) -> dict[str, Any]:
+        """Return what a page shows of the episode that was played last."""
+        rows, rewards = zip(*self.rewards, strict=True)
+        earned = np.zeros(len(self.history.trace))
+        earned[list(rows)] = rewards
+        return {"name": self.name, **page_data(self.task, self.history, earned)}
 
 
 def episode_table(task: Task, title: str, history: History) -> Table:

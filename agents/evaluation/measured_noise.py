@@ -20,11 +20,11 @@ from hybrid_env.noises import GaussianNoise, LevyNoise, Noise, OutlierNoise, Stu
 from hybrid_env.options import ModelOptions
 from hybrid_env.registration import make_track_vector_env
 
-# Of the measurements.
+# Tracks and ticks of the measurements.
 TRACKS, TICKS = 256, 100
-# Of the bins of the histogram.
+# Edges of the bins of the histogram.
 EDGES = np.concatenate([[0.0], np.geomspace(1.0, 1e12, 73), [np.inf]])
-LAWS: dict[type[Noise], tuple[tuple[tuple[float, ...], float, float], ...]] = {
+SEARCHED: dict[type[Noise], tuple[tuple[tuple[float, ...], float, float], ...]] = {
     OutlierNoise: (((0.01, 0.05, 0.2), 1e-3, 0.4), ((3.0, 10.0, 50.0, 200.0), 1.5, 1e3)),
     StudentNoise: (((1.5, 3.0, 10.0), 1.0, 100.0),),
     LevyNoise: (
@@ -58,19 +58,19 @@ def measured_noise(options: ModelOptions) -> Noise:
     # neighbouring differences depend on each other, and the reference is simulated too.
     if 2.0 * (usual - least) <= 12.0 * (np.count_nonzero(seen) - 1):
         return normal
-    candidates = [(usual, normal), *(_likeliest(kind, surprise) for kind in LAWS)]
+    candidates = [(usual, normal), *(_likeliest(kind, surprise) for kind in SEARCHED)]
     return min(candidates, key=lambda candidate: candidate[0])[1]
 
 
 def _likeliest(kind: type[Noise], surprise: Callable[[Noise], float]) -> tuple[float, Noise]:
     """Return the smallest surprise of a kind of law, and the law."""
-    # It loads slowly.
+    # SciPy loads slowly.
     from scipy import optimize
 
     def law_of(point: FloatArray) -> Noise:
         return kind(*np.exp(point).tolist())
 
-    starts, low, high = zip(*LAWS[kind], strict=True)
+    starts, low, high = zip(*SEARCHED[kind], strict=True)
     first = min(itertools.product(*starts), key=lambda numbers: surprise(kind(*numbers)))
     simplex = np.log(first) + np.vstack([np.zeros(len(low)), np.log(1.3) * np.eye(len(low))])
     best = optimize.minimize(
@@ -87,7 +87,7 @@ def _histogram(options: ModelOptions, noise: Any, seed: int) -> FloatArray:
     """Return how many squared third differences, in units of R, fall into each bin of `EDGES`."""
     changed = {**vars(options), "noise": noise}
     env = make_track_vector_env(task_with(options).env_id, TRACKS, tick_info=False, **changed)
-    # Of neighbouring measurements in a third difference.
+    # Weights of neighbouring measurements in a third difference.
     weights = np.array([-1.0, 3.0, -3.0, 1.0])
     counts = np.zeros(EDGES.size - 1)
     last = np.full((weights.size, TRACKS, 2), np.nan)

@@ -3,10 +3,9 @@
 import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 from agents import learned
 from agents.evaluation.selection import choosing_decider
@@ -40,54 +39,43 @@ def learned_decider(folder: Path, options: Any) -> Decider:
     return saved.load(options).changed(title=folder.name)
 
 
-# Ends of the names of files of policies that other libraries write.
-POLICY_FILES = (".zip", ".onnx")
 # Folders of the weights that come with the package, by task and name.
-WEIGHTS = Path(learned.__file__).parent / "weights"
+SHIPPED = Path(learned.__file__).parent / "weights"
 
 
 def shipped_names(task: str) -> list[str]:
     """Return the names of the agents of a task that come with the package."""
-    return sorted(folder.name for folder in (WEIGHTS / task).iterdir())
+    return sorted(folder.name for folder in (SHIPPED / task).iterdir())
 
 
-def split_name(name: Any) -> tuple[Any, str]:
-    """Return the name of a decider without its threshold, or the object itself, and the text of
-    the threshold.
+class DeciderName(NamedTuple):
+    """The parts of a decider's name, such as "ate:1e-6", "shipped:5,0" or "msprt:2%"."""
 
-    The text is a number, two numbers "0.001,0.01" of which the first may be missing, "auto" or a
-    rate, see `choosing_decider`; it is empty without a threshold.
+    # The name without what follows its last colon, or the object itself.
+    base: Any
+    threshold: float | None = None
+    second: float | None = None
+    # How the threshold is to be chosen, "auto" or a rate, see `choosing_decider`; else empty.
+    chosen: str = ""
+
+
+def parse_name(name: Any) -> DeciderName:
+    """Return the parts of a decider's name. The end after a colon is a number, two numbers
+    "0.001,0.01" of which the first may be missing, "auto", or a rate such as "2%" or "3/1000"; any
+    other is of the name itself.
     """
     if not isinstance(name, str) or Path(name).is_dir():
-        return name, ""
+        return DeciderName(name)
     base, _, text = name.rpartition(":")
-    first, _, last = text.rpartition(",")
-    if not is_chosen(text):
-        try:
-            float(first or last), float(last)
-        except ValueError:
-            return name, ""
-    return base, text
-
-
-def is_chosen(name: str) -> bool:
-    """Return whether the threshold of a decider is to be chosen: its name or its ending alone is
-    "auto", or a rate such as "2%" or "3/1000".
-    """
-    text = name.rpartition(":")[2]
-    return text == "auto" or text.endswith(("%", "/1000"))
-
-
-def given_threshold(name: Any) -> float | None:
-    """Return the single number after the colon of a name; None without one."""
-    with suppress(ValueError):
-        return float(split_name(name)[1])
-    return None
-
-
-def base_name(name: Any) -> Any:
-    """Return the name of a decider without a threshold, or the object itself."""
-    return split_name(name)[0]
+    if text == "auto" or text.endswith(("%", "/1000")):
+        return DeciderName(base, chosen=text)
+    first, comma, second = text.partition(",")
+    try:
+        return DeciderName(
+            base, float(first) if first or not comma else None, float(second) if comma else None
+        )
+    except ValueError:
+        return DeciderName(name)
 
 
 def policy_folder(name: str, switches: str) -> Path:
@@ -95,7 +83,7 @@ def policy_folder(name: str, switches: str) -> Path:
     not exist.
     """
     if name in shipped_names(switches):
-        return WEIGHTS / switches / name
+        return SHIPPED / switches / name
     return Path(name or os.devnull)
 
 
@@ -104,35 +92,33 @@ def find_decider(name: Any, options: Any) -> Decider:
     its default; `Decider.at` returns it at others.
 
     The name is that of a rule or of an agent of the package, a run folder, "model.zip",
-    "policy.onnx", "mine.py:MyRule", "package.module:Rule" or an entry point; a threshold may
-    follow, as in "ate:1e-6" or "runs/ppo:-2", see `split_name`. One that it chooses is chosen by
+    "mine.py:MyRule", "package.module:Rule" or an entry point; a threshold may follow, as in
+    "ate:1e-6" or "runs/ppo:-2", see `parse_name`. One that it chooses is chosen by
     `Decider.at`. Or the object itself, see `external_decider`.
 
     Raises:
         ArgumentError: there is no such decider or threshold.
     """
-    base, text = split_name(name)
-    if is_chosen(text):
-        return choosing_decider(find_decider(base, options), options, text)
+    base, threshold, second, chosen = parse_name(name)
+    if chosen:
+        return choosing_decider(find_decider(base, options), options, chosen)
     decider = _at_default(base, options).for_modes(options)
     if decider.hypotheses not in (None, options.hypotheses):
         here = options.hypotheses
         allowed = f"a policy for {here} hypotheses; this one is for {decider.hypotheses}"
         raise reject("decider", name, allowed)
-    first, comma, second = text.partition(",")
-    if comma:
+    if second is not None:
         if not decider.second_threshold:
             raise reject("decider", name, f"{base!r} with one threshold at most")
-        number = float(second)
-        title = f"{decider.title}, {decider.second_threshold} {number:g}"
-        decider = decider.changed(**{decider.second_threshold: number}, title=title)
-    if not first:
-        return decider.at(decider.threshold) if comma else decider
+        title = f"{decider.title}, {decider.second_threshold} {second:g}"
+        decider = decider.changed(**{decider.second_threshold: second}, title=title)
+    if threshold is None:
+        return decider if second is None else decider.at(decider.threshold)
     if len(decider.thresholds) == 1:
         raise reject("decider", name, f"{base!r} without a threshold: it has none")
-    if decider.symbol == "ticks" and float(first) % 1:
+    if decider.symbol == "ticks" and threshold % 1:
         raise reject("decider", name, "a whole number after the colon")
-    return decider.at(float(first))
+    return decider.at(threshold)
 
 
 def _at_default(name: Any, options: Any) -> Decider:
@@ -143,7 +129,7 @@ def _at_default(name: Any, options: Any) -> Decider:
     known = rules(options.switches)
     if name in known:
         return known[name].create(options)
-    if Path(name).suffix in POLICY_FILES:
+    if name.endswith(".zip"):
         from agents.learned.exchange import exchanged_decider
 
         return exchanged_decider(Path(name), options)
@@ -157,18 +143,18 @@ def check_name(name: Any, switches: str, further: Sequence[str] = ()) -> None:
     """Raise `ArgumentError` if there is no decider of a name, without loading one: that of an
     agent takes seconds. `further` are other names that are allowed.
     """
-    base = base_name(name)
+    base = parse_name(name).base
     if not isinstance(base, str):
         return
     known = (*rules(switches), *shipped_names(switches), *entry_point_names(), *further)
     if base in known or Path(base).is_dir():
         return
-    if Path(base).suffix in POLICY_FILES:
+    if base.endswith(".zip"):
         if not Path(base).is_file():
             raise reject("decider", name, "a file that exists")
         return
     before, _, text = base.rpartition(":")
-    of_policy = Path(before).suffix in POLICY_FILES
+    of_policy = before.endswith(".zip")
     if not of_policy and names_code(base):
         return
     if before in known or of_policy or (before and Path(before).is_dir()):
@@ -177,7 +163,7 @@ def check_name(name: Any, switches: str, further: Sequence[str] = ()) -> None:
     for task in {ANNOUNCED, UNKNOWN} - {switches}:
         if base in rules(task):
             raise reject("decider", name, f"a decider for {switches} switches, not {task} ones")
-    files = "a run folder, model.zip, policy.onnx or mine.py:MyRule"
+    files = "a run folder, model.zip or mine.py:MyRule"
     raise unknown("decider", base, known, f"expected a rule, an agent, {files}, see --help")
 
 
@@ -190,7 +176,7 @@ def is_learned(decider: Decider) -> bool:
 
 def distinct_titles(names: Sequence[Any], titles: Sequence[str]) -> list[str]:
     """Return the titles of deciders; those with the title of another are called by their names."""
-    bases = [str(base_name(name)) for name in names]
+    bases = [str(parse_name(name).base) for name in names]
     same = Counter(title for _, title in set(zip(bases, titles, strict=True)))
     return [title if same[title] == 1 else base for base, title in zip(bases, titles, strict=True)]
 
@@ -223,7 +209,7 @@ def for_actions(decider: Decider, options: Any) -> Decider:
 
 def needed_options(name: Any, switches: str) -> Mapping[str, Any]:
     """Return the options of an environment that a classical rule needs, see `Decider.options`."""
-    base = base_name(name)
+    base = parse_name(name).base
     if rule := rules(switches).get(base):
         return rule.attribute("options")
     kind = QuickestOptions if switches == UNKNOWN else WorldOptions

@@ -15,7 +15,7 @@ import numpy as np
 
 from baselines.rules import seeds
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, Decider, rules
-from baselines.rules.rollout import batch_size, evaluate, record_in, statement_env
+from baselines.rules.rollout import batch_size, record_decisions, record_in, statement_env
 from baselines.scoring import decisions, statements
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import Scores, Statistic, at_level, interpolated, mean
@@ -177,7 +177,7 @@ class AnnouncedTask(Task):
 
     switches = ANNOUNCED
     waits = True
-    columns = decisions.COLUMNS
+    columns = decisions.DECISION_COLUMNS
     metrics = (
         Metric("accuracy", "accuracy\n%", mean("accuracy", share=True), 1, 100.0),
         Metric("type_accuracy", "type\naccuracy, %", mean("type_accuracy", share=True), 1, 100.0),
@@ -219,7 +219,7 @@ class AnnouncedTask(Task):
         self, decider: Decider, episodes: int, seed: int, on_progress: OnProgress
     ) -> list[Recorded]:
         options = {**self.given, **decider.options}
-        made = evaluate(decider, self.env_id, episodes, seed, on_progress, **options)
+        made = record_decisions(decider, self.env_id, episodes, seed, on_progress, **options)
         modes = np.stack([made.true_mode.ravel(), made.decided_mode.ravel()], axis=1)
         return [(made.values, {"modes": modes})]
 
@@ -256,7 +256,7 @@ class UnknownTask(Task):
     """Nobody announces switches, and the present mode is stated at every tick."""
 
     switches = UNKNOWN
-    columns = statements.COLUMNS + statements.TYPE_COLUMNS
+    columns = statements.STATEMENT_COLUMNS + statements.TYPE_COLUMNS
     metrics = tuple(
         Metric(name, head, statements.STATISTICS[name], digits, scale)
         for name, head, digits, scale in (

@@ -31,9 +31,9 @@ class Curve:
     bounds: FloatArray | None = None
     # (n, 2) points with large filled markers.
     selected: ArrayLike = ()
-    # Of the markers [pt], 0 for none.
+    # Size of the markers [pt], 0 for none.
     size: float = 4.5
-    # Of the line.
+    # Style of the line.
     dashes: str = "-"
 
 

@@ -28,9 +28,9 @@ UNDECIDED_COLOUR = "0.92"
 class TrackRecord:
     """What a decider declared or stated on a track of T ticks."""
 
-    # Of the decider.
+    # Name of the decider.
     name: str
-    # Of the episode.
+    # History of the episode.
     history: History
     # (T,) declared or stated mode of each tick, `UNDECIDED` before a declaration.
     modes: IntArray

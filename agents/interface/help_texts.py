@@ -12,7 +12,6 @@ from docstring_parser import parse_from_object
 # Title of the group of the flags of the environment, and the flag that lists them.
 ENVIRONMENT = "environment"
 ENV_HELP = "--env-help"
-SUPPRESSED: Any = tyro.conf.Suppress
 
 
 def shown_default(text: str, help: str | None = None) -> Any:
@@ -65,7 +64,7 @@ def grouped(kind: Any, only_usual: bool = False, only_environment: bool = False)
         left_out = only_usual if title == ENVIRONMENT else only_environment
         if left_out and name != "env":
             # Neither shown nor parsed.
-            hint = SUPPRESSED[hint]
+            hint = Annotated[hint, tyro.conf.Suppress]
         default = dataclasses.field(default=field.default, default_factory=field.default_factory)
         flags[title].append((field.name, hint, default))
     boxes = flags.pop("")
@@ -114,7 +113,7 @@ def _shown_flags(kind: Any) -> dict[str, Any]:
         settings = getattr(hints[field.name], "__metadata__", ())
         known = any(getattr(part, "help_behavior_hint", None) is not None for part in settings)
         hint = None
-        # Of a flag that is not given the text says what happens without it.
+        # The text of such a flag says what happens without it.
         if field.default in (None, ()) and not known:
             hint = ""
         elif isinstance(field.default, bool):

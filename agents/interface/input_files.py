@@ -16,8 +16,7 @@ def parse_yaml(text: str) -> Any:
     except RecursionError:
         raise ValueError("nested too deeply") from None
     except (yaml.YAMLError, LookupError, AttributeError, ArithmeticError, TypeError) as error:
-        # Those that are not of YAML come from tags such as !!bool x, and from escapes of large
-        # numbers.
+        # Errors of other kinds come from tags such as !!bool x, and from escapes of large numbers.
         raise ValueError(str(error) or "not YAML") from None
 
 
@@ -32,7 +31,7 @@ class _Loader(yaml.SafeLoader):
         return super().compose_node(parent, index)
 
     def construct_number(self, node: yaml.ScalarNode) -> float:
-        # Of base 60, such as 1:59:59.
+        # A number of base 60, such as 1:59:59.
         if ":" in str(node.value):
             raise ValueError("a number has colons: quote a time, or give it in seconds")
         is_whole = node.tag.endswith("int")

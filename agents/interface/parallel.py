@@ -22,7 +22,7 @@ Call = Callable[[], Any]
 """A call without arguments, such as `functools.partial(function, seed)`. It can be pickled."""
 
 Name = TypeVar("Name", bound=Hashable)
-# Of the calls of lost workers; more losses mean that a call itself ends its worker.
+# Repeats of the calls of lost workers; more losses mean that a call itself ends its worker.
 LARGEST_RETRIES = 3
 # Calls that a Ray cluster has at a time: enough for the workers of some machines.
 WINDOW = 1_000

@@ -25,8 +25,6 @@ from rich.text import Text
 
 # Seconds before the first line outside a terminal, and between lines.
 FIRST_LINE, NEXT_LINE = 0.5, 10.0
-# Seconds between two looks at the reports of calls.
-LOOKS = 0.25
 
 
 class TimeLeft(ProgressColumn):
@@ -179,7 +177,7 @@ def calls_shown(progress: Progress, title: str, count: int) -> Iterator[list[Rep
         calls, ended = Calls(progress, title, reports), threading.Event()
 
         def watch() -> None:
-            while not ended.wait(LOOKS):
+            while not ended.wait(timeout=0.25):
                 calls.look()
 
         thread = threading.Thread(target=watch, daemon=True)

@@ -51,7 +51,7 @@ class RowRatios:
         self.kind = world.types
         self.of_world = float(world.follow == "bank"), float(world.bank == "anchor_aware")
         self.turn = self.read("turn_angle")
-        # Of the velocity, in sqrt(R) per tick.
+        # Process noise of the velocity, in sqrt(R) per tick.
         self.process_deviation = np.sqrt(world.process_variance) * world.tau / world.deviation
         self.motion = bounded_log(self.read("speed"))
         self.noise = bounded_log(self.process_deviation, 1e-150)
@@ -122,7 +122,7 @@ def anchor_inputs(
     mean = (within * deviation).sum(-1)
     spread = np.sqrt((within * deviation**2).sum(-1))
     xx, xv, vv = (read(name) for name in ("anchor_xx", "anchor_xv", "anchor_vv"))
-    # Of the speed.
+    # Variance of the speed.
     variance = vv + ratios.process_deviation**2 * (ticks + ticks_left)
     drift = ratios.of_mode(bias, decided)
     columns = [
@@ -133,7 +133,7 @@ def anchor_inputs(
         of_type[:, 0],
         ratios.of_mode(of_type, same),
         ratios.of_mode(of_type, 3 - same),
-        # Of the turn angles per tick.
+        # Mean and spread of the turn angles per tick.
         np.arcsinh(30.0 * mean),
         np.arcsinh(30.0 * spread),
         0.5 * (np.log(np.maximum(ticks, 1.0)) - 3.0),
@@ -278,6 +278,6 @@ def stated_factor(ratios: RowRatios, side: FloatArray) -> FloatArray:
     limit = 0.99 * np.sqrt(covariance[:, 0, 0] * covariance[:, 1, 1])
     for i, j in ((0, 1), (1, 0), (2, 3), (3, 2)):
         covariance[:, i, j] = np.clip(covariance[:, i, j], -limit, limit)
-    # Of [x, vx, y, vy] in a frame whose across axis points to the side of the turn.
+    # Signs of [x, vx, y, vy] in a frame whose across axis points to the side of the turn.
     signs = np.where(side[:, None] < 0, [1.0, 1.0, -1.0, -1.0], 1.0)
     return np.asarray(signs[..., None] * np.linalg.cholesky(covariance))

@@ -42,7 +42,7 @@ class AnchorNet(nn.Module):
         self.output = zero_layer(hidden, self.components * numbers)
         bias = torch.zeros(self.components, numbers)
         bias[:, 0] = torch.tensor((0.0, -1.0, -3.0, -5.0))
-        # Of the standard deviations, relative to those that the bank states.
+        # Logarithms of the standard deviations, relative to those that the bank states.
         bias[:, 5:9] = torch.tensor((0.0, 1.2, 2.4, 3.6))[:, None]
         with torch.no_grad():
             self.output.bias.copy_(bias.flatten())
@@ -87,7 +87,7 @@ class AnchorNet(nn.Module):
 class RegretNet(nn.Module):
     """Loss of the next segment, which is 1 - reward, and how much of it a wrong turn causes."""
 
-    # Those of the turn that is followed come first; the last one is the difference of both turns.
+    # Inputs of the turn that is followed come first; the last one is the difference of both turns.
     context: ClassVar[int] = 7
     inputs: ClassVar[int] = 14
 

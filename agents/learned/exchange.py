@@ -1,6 +1,4 @@
-"""Policies that other libraries write: the zip files of Stable-Baselines3 and sb3-contrib, and
-ONNX files.
-"""
+"""Policies that another library writes: the zip files of Stable-Baselines3 and sb3-contrib."""
 
 import pickle
 import re
@@ -14,9 +12,8 @@ from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from torch import Tensor, nn
 
 from agents.interface.world_arguments import trusted
-from agents.learned.onnx_file import read_network
 from agents.learned.policy import Actor, actor_decider, read_actor
-from agents.learned.policy_file import LARGEST_FILE, check_finite, first_line
+from agents.learned.policy_file import LARGEST_POLICY, check_finite, first_line
 from agents.learned.torch_defaults import torch_defaults
 from agents.learned.zip_file import read_model
 from baselines.rules.decider import Decider
@@ -29,23 +26,20 @@ from hybrid_env.extras import explained
 def exchanged_decider(path: Path, options: Any) -> Decider:
     """Return the policy of a file as a decider.
 
-    An actor has thresholds on its log-odds, a network of action values on their differences; an
-    ONNX file that returns actions has none. Nothing is unpickled but tensors, unless policies are
-    `trusted`. The input of "policy.onnx" are rows (N, width), its first output logits (N, A) or
-    actions (N,).
+    An actor has thresholds on its log-odds, a network of action values on their differences.
+    Nothing is unpickled but tensors, unless policies are `trusted`.
     """
-    if not path.is_file() or path.stat().st_size > LARGEST_FILE:
-        raise reject("decider", str(path), f"a file of at most {LARGEST_FILE:,} bytes")
+    if not path.is_file() or path.stat().st_size > LARGEST_POLICY:
+        raise reject("decider", str(path), f"a file of at most {LARGEST_POLICY:,} bytes")
     try:
         with explained():
-            decider: Decider = (_from_zip if path.suffix == ".zip" else _from_onnx)(path, options)
+            return _from_zip(path, options)
     except ArgumentError as error:
         raise ArgumentError(f"{path.name}: {error}") from error
     except Exception as error:
         raise reject(
             "decider", str(path), f"a policy that can be read ({first_line(error)})"
         ) from error
-    return decider
 
 
 def _from_zip(path: Path, options: Any) -> Decider:
@@ -78,18 +72,13 @@ def _from_zip(path: Path, options: Any) -> Decider:
             " and sees others: train with VecNormalize, or without a wrapper",
             stacklevel=2,
         )
-    if isinstance(policy, Actor):
-        return _actor(policy, path, options)
-    _check_width(policy.observation_space.shape[0], options)
-    return external_decider(policy, str(path), options).changed(title=path.stem)
-
-
-def _actor(actor: Actor, path: Path, options: Any) -> Decider:
-    """Return an actor as a decider."""
-    _check_width(actor.width, options)
-    decider = actor_decider(actor, options)
+    if not isinstance(policy, Actor):
+        _check_width(policy.observation_space.shape[0], options)
+        return external_decider(policy, str(path), options).changed(title=path.stem)
+    _check_width(policy.width, options)
+    decider = actor_decider(policy, options)
     # Layers that do not fit together are refused here, not in an episode.
-    decider.logits(np.zeros((2, actor.width), np.float32))
+    decider.logits(np.zeros((2, policy.width), np.float32))
     return decider.changed(title=path.stem)
 
 
@@ -114,15 +103,6 @@ def _unpickled(path: Path) -> nn.Module:
         check_finite(name, weights)
     policy.set_training_mode(False)
     return policy
-
-
-def _from_onnx(path: Path, options: Any) -> Decider:
-    """Return the policy of an ONNX file: logits as an actor, actions as they are."""
-    network, (width, *actions) = read_network(path)
-    if not actions:
-        return external_decider(network, str(path), options).changed(title=path.stem)
-    actor = Actor(lambda rows: torch.from_numpy(network(rows.numpy())), width, actions[0])
-    return _actor(actor, path, options)
 
 
 def _normalise(policy: nn.Module, path: Path) -> None:

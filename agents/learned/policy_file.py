@@ -13,9 +13,9 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
-from agents.algorithms import find_algorithm
 from agents.interface.output_files import atomic_file, write_json
 from agents.interface.world_arguments import CARD
+from agents.learned.algorithm_names import find_algorithm
 from agents.learned.torch_defaults import NetworkDecider, Units, torch_defaults
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, Decider
 from hybrid_env.checks import checked, reject
@@ -31,11 +31,9 @@ OF_PACKAGE = (
     "agents.learned.statement_decider:StatementDecider",
 )
 # Bytes.
-LARGEST_FILE = 2**27
-# Of an observation row.
+LARGEST_POLICY = 2**27
+# Numbers of an observation row.
 LARGEST_WIDTH = 2000
-# Decisions of larger weights could overflow.
-LARGEST_WEIGHT = 1e6
 
 
 def package_versions() -> dict[str, str]:
@@ -127,8 +125,8 @@ def load_policy(folder: Path) -> SavedPolicy:
 def _read_tensors(path: Path) -> dict[str, Tensor]:
     """Read tensors of finite float32 numbers; others raise `SafetensorError` or `ValueError`."""
     # A named pipe would wait for its writer.
-    if not path.is_file() or path.stat().st_size > LARGEST_FILE:
-        raise ValueError(f"{path.name} is missing or larger than {LARGEST_FILE:,} bytes")
+    if not path.is_file() or path.stat().st_size > LARGEST_POLICY:
+        raise ValueError(f"{path.name} is missing or larger than {LARGEST_POLICY:,} bytes")
     tensors: dict[str, Tensor] = load_file(path)
     for name, tensor in tensors.items():
         if tensor.dtype != torch.float32:
@@ -139,8 +137,9 @@ def _read_tensors(path: Path) -> dict[str, Tensor]:
 
 def check_finite(name: str, weights: Tensor) -> Tensor:
     """Return weights; `ValueError` if one is not finite or too large."""
-    if not (weights.abs() <= LARGEST_WEIGHT).all():
-        raise ValueError(f"{name} is not of finite numbers of magnitude at most {LARGEST_WEIGHT:g}")
+    # Decisions of larger weights could overflow.
+    if not (weights.abs() <= 1e6).all():
+        raise ValueError(f"{name} is not of finite numbers of magnitude at most 1e+06")
     return weights
 
 

@@ -17,11 +17,11 @@ from hybrid_env.checks import Float32Array, IntArray
 from hybrid_env.observation import QuickestLayout
 from hybrid_env.quickest_options import QuickestOptions
 
-# Of each hypothesis, seen as straight motion, as the turn itself and as the other turns, and of the
-# track.
+# Inputs of each hypothesis, seen as straight motion, as the turn itself and as the other turns, and
+# of the track.
 INPUTS = 3 * 8 + 2
 LOWEST_LOG = -15.0
-# Of the outputs of networks, so that they learn faster than the other layers.
+# Gain of the outputs of networks, so that they learn faster than the other layers.
 GAIN = 3.0
 
 
@@ -74,7 +74,7 @@ def _hypothesis_inputs(
         np.maximum(block("log_ratio"), -10.0) / 3.0,
         0.5 * np.clip(block("innovation_along"), -6.0, 6.0),
         0.5 * np.clip(block("innovation_across"), -6.0, 6.0),
-        # Of the innovation, over that of the measurement.
+        # Variance of the innovation over that of the measurement.
         np.minimum(block("log_variance"), 10.0),
         # Ticks for which it has been the most probable mode.
         np.minimum(age / 100.0, 2.0),

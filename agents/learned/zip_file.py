@@ -13,12 +13,10 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from agents.learned.policy_file import LARGEST_FILE, check_finite
+from agents.learned.policy_file import LARGEST_POLICY, check_finite
 
 # Files in a zip file, and tensors.
 MOST_PARTS = 20_000
-# Bytes of what a model says about itself. As values they need some thirty times as many.
-LARGEST_DATA = 10**7
 
 
 def read_plain(source: Path | bytes, largest: int) -> Any:
@@ -53,11 +51,12 @@ def read_model(path: Path) -> tuple[dict[str, Any], dict[str, Tensor]]:
     Raises:
         Exception: of any kind, if the file is damaged, too large, or not of plain, finite tensors.
     """
-    with _opened(path.read_bytes(), LARGEST_FILE) as file:
-        if file.getinfo("data").file_size > LARGEST_DATA:
-            raise ValueError(f"data in it is larger than {LARGEST_DATA:,} bytes")
+    with _opened(path.read_bytes(), LARGEST_POLICY) as file:
+        # What a model says about itself; as values it needs some thirty times as many bytes.
+        if file.getinfo("data").file_size > 10**7:
+            raise ValueError("data in it is larger than 10,000,000 bytes")
         data, content = json.loads(file.read("data")), file.read("policy.pth")
-    weights = read_plain(content, LARGEST_FILE)
+    weights = read_plain(content, LARGEST_POLICY)
     # A tensor with strides can repeat few numbers, and tensors can share them.
     if sum(tensor.numel() for tensor in weights.values()) > len(content):
         raise ValueError("the tensors in policy.pth are larger than what it stores")

@@ -159,7 +159,7 @@ def _draw_residuals(axes: Any, tracked: TrackedRecording) -> None:
     given = np.flatnonzero(~np.isnan(lengths))
     shown = thinned(given)
     axes.plot(tracked.recording.times[shown], lengths[shown], ".", color="black", markersize=2)
-    # Of the length of a normalised innovation in two dimensions, which is exceeded so often.
+    # The lengths of a normalised innovation in two dimensions that are exceeded so often.
     median, far = (math.sqrt(-2.0 * math.log(exceeded)) for exceeded in (0.5, 0.001))
     for length, style in ((median, ":"), (far, "--")):
         axes.axhline(length, color="black", linestyle=style, linewidth=1.0)

@@ -14,9 +14,6 @@ from baselines.recordings.recording import iso_texts
 from hybrid_env.checks import AnyArray, FloatArray
 from hybrid_env.extras import explained
 
-# Rows that are drawn; more would delay a browser.
-MOST_POINTS = 100_000
-
 
 def geojson(tracked: TrackedRecording) -> dict[str, Any]:
     """Return a feature collection (RFC 7946) with the estimated line of each piece; its properties
@@ -114,7 +111,9 @@ def _add_track(figure: Any, tracked: TrackedRecording) -> None:
     clock = _clock(tracked)
     at = {"row": 1, "col": 1}
     add = figure.add_scattergl if recording.projection is None else figure.add_scattermap
-    rows = thinned(np.flatnonzero(recording.measured), MOST_POINTS)
+    # More rows would delay a browser.
+    most = 100_000
+    rows = thinned(np.flatnonzero(recording.measured), most)
     add(
         **_places(tracked, recording.positions[rows]),
         mode="markers",
@@ -124,7 +123,7 @@ def _add_track(figure: Any, tracked: TrackedRecording) -> None:
         hovertemplate="%{text}<extra>measured</extra>",
         **at,
     )
-    lines = mode_lines(tracked, MOST_POINTS)
+    lines = mode_lines(tracked, most)
     for mode, (name, colour) in enumerate(
         zip(tracked.mode_names(), mode_colours(tracked), strict=True)
     ):

@@ -9,13 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from agents.evaluation.registry import (
-    ErrorArguments,
-    base_name,
-    load_decider,
-    needed_options,
-    split_name,
-)
+from agents.evaluation.registry import ErrorArguments, load_decider, needed_options, parse_name
 from baselines.recordings.decisions import RowDecisions, decide_piece, smooth_piece
 from baselines.recordings.imm_pass import TrackModel
 from baselines.recordings.model_fit import check_consistency, check_radii, fit_model, with_stop
@@ -44,9 +38,6 @@ from hybrid_env.modes import parse_modes
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.sensors import Radar
-
-# In estimates.csv, where `radius` is that of the mode.
-TURN_COLUMNS = "speed", "speed_deviation", "radius_estimate", "radius_deviation"
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,6 +151,8 @@ class TrackedRecording:
         recording = self.recording
         triangle = [(i, j) for i in range(4) for j in range(i, 4)]
         letters, radii = self.of_modes(self.modes)
+        # The column `radius` is that of the mode.
+        turns = ("speed", "speed_deviation", "radius_estimate", "radius_deviation")
         file = {"line": recording.lines, "time": recording.time_cells}
         return {
             **self._named(len(recording.times)),
@@ -176,7 +169,7 @@ class TrackedRecording:
             },
             **{f"estimate_{name}": self.estimates[:, k] for k, name in enumerate(state)},
             **self._degrees("estimate_", self.estimates[:, ::2]),
-            **dict(zip(TURN_COLUMNS, self.turns.T, strict=True)),
+            **dict(zip(turns, self.turns.T, strict=True)),
             **{f"cov_{state[i]}_{state[j]}": self.covariances[:, i, j] for i, j in triangle},
             **{f"residual_{axis}": self.residuals[:, k] for k, axis in enumerate("xy")},
         }
@@ -228,7 +221,7 @@ class TrackedRecording:
         projection = self.recording.projection
         if projection is None:
             return {}
-        # Of .1 mm, so that those of a file come back as they are there.
+        # Rounded to .1 mm, so that those of a file come back as they are there.
         degrees = projection.inverse(*positions.T).round(9)
         return {f"{prefix}lat": degrees[:, 0], f"{prefix}lon": degrees[:, 1]}
 
@@ -290,7 +283,7 @@ class TrackingArguments(ErrorArguments):
             raise reject("decider", self.decider, "none without live")
         announced = self.live and self.lengths
         task, other = (ANNOUNCED, UNKNOWN) if announced else (UNKNOWN, ANNOUNCED)
-        if base_name(self._decider_name()) in rules(other):
+        if parse_name(self._decider_name()).base in rules(other):
             remedy = "with --lengths" if self.lengths else "or give --lengths"
             raise reject("decider", self.decider, f"{', '.join(rules(task))} or an agent, {remedy}")
 
@@ -352,10 +345,10 @@ class TrackingArguments(ErrorArguments):
     def _named(self, decider: Decider) -> str:
         """Return the name of a decider with its threshold, if it has one."""
         name = self._decider_name()
-        base, text = split_name(name)
-        if len(decider.thresholds) < 2 or "," in text:
+        parts = parse_name(name)
+        if len(decider.thresholds) < 2 or parts.second is not None:
             return name
-        return f"{base}:{float(decider.threshold)}"
+        return f"{parts.base}:{float(decider.threshold)}"
 
     def _lengths(self, grid: TickGrid) -> list[int]:
         """Return the ticks between known switches."""
@@ -377,7 +370,7 @@ class TrackingArguments(ErrorArguments):
         world: WorldOptions | QuickestOptions
         try:
             if lengths:
-                # Of an episode, for deciders that are fitted by simulation.
+                # An episode for deciders that are fitted by simulation has so many.
                 segments = min(len(lengths), 6)
                 options |= needed_options(name, ANNOUNCED)
                 world = WorldOptions(

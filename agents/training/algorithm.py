@@ -12,8 +12,8 @@ import torch
 from torch import Tensor, nn
 from torch.optim import Optimizer
 
-from agents.algorithms import REGISTERED
 from agents.interface.output_files import output_folder, write_json
+from agents.learned.algorithm_names import REGISTERED
 from agents.learned.policy_file import package_versions, save_policy
 from agents.learned.torch_defaults import torch_defaults
 from agents.training import checkpoint, run_folder
@@ -30,7 +30,7 @@ class TrainingProgress:
 
     # Environment steps so far.
     steps: int
-    # Of the run.
+    # Environment steps of the run.
     total: int
     # Mean of recent segments, or of recent ticks where a mode is stated at every tick.
     reward: float
@@ -56,8 +56,7 @@ class Algorithm(ABC):
     """A training algorithm. An instance is a training run and its folder; see
     `agents.training.runs.make_run` for the arguments.
 
-    A subclass with `Settings` is found by its `name`, see `agents.algorithms`; nothing else lists
-    it.
+    A subclass with `Settings` is found by its `name`, see `algorithm_names`; nothing else lists it.
 
     A checkpoint is written between two rollouts and holds everything that the following ones depend
     on. A resumed run therefore equals an uninterrupted one, apart from times. What is logged must

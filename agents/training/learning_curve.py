@@ -38,7 +38,7 @@ class LearningCurve:
     measure_references: Callable[[], Mapping[str, float]]
     # Environment steps of the next evaluation.
     next: float = field(default=0.0, init=False)
-    # Of an environment.
+    # Episodes of an evaluation.
     episodes: ClassVar[int] = 200
 
     @functools.cached_property

@@ -197,15 +197,15 @@ class LibraryAlgorithm(Algorithm):
         elif settings.wait_bias:
             allowed = "0 for an agent that states a mode at every tick, which cannot wait"
             raise reject("wait_bias", settings.wait_bias, allowed)
-        # As at the start of `learn` of Stable-Baselines3, so that a checkpoint can be restored
-        # Of the first track.
+        # As at the start of `learn` of Stable-Baselines3, so that a checkpoint can be restored. The
+        # seed is that of the first track.
         env.seed(seeds.TRAINING + 10**9 * self.seed)
         self.model._last_obs = env.reset()
         self.model._last_episode_starts = np.ones(settings.n_envs, np.bool_)
         self.model.ep_info_buffer = deque(maxlen=self.model._stats_window_size)
         self.model.ep_success_buffer = deque(maxlen=self.model._stats_window_size)
         self.network, self.optimizer = self.model.policy, self.model.policy.optimizer
-        # Of a checkpoint, until `learn` uses it.
+        # Values of a checkpoint, until `learn` uses them.
         self._restored: dict[str, Any] | None = None
 
     @torch.no_grad()

@@ -14,14 +14,12 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from agents.algorithms import find_algorithm
 from agents.interface.input_files import parse_yaml
+from agents.learned.algorithm_names import find_algorithm
 from hybrid_env.checks import check_integer, declared_fields, reject, unknown
 from hybrid_env.json_files import read_text
 
-FOLDER = Path(__file__).parent / "recipes"
-# Ends of the names of files of recipes.
-RECIPE_FILES = (".yml", ".yaml")
+RECIPES = Path(__file__).parent / "recipes"
 
 
 @dataclass(frozen=True)
@@ -53,7 +51,7 @@ class Recipe:
 
 def recipe_names() -> list[str]:
     """Return the names of the recipes that come with the package."""
-    return sorted(path.stem for path in FOLDER.glob("*.yml"))
+    return sorted(path.stem for path in RECIPES.glob("*.yml"))
 
 
 def load_recipe(
@@ -67,8 +65,8 @@ def load_recipe(
         changes: hyper-parameters to override, each "name=value" with a value in YAML.
         own_modes: whether the environment has modes of the user.
     """
-    path = FOLDER / f"{name}.yml" if name in recipe_names() else Path(name)
-    if path.suffix not in RECIPE_FILES and not path.is_file():
+    path = RECIPES / f"{name}.yml" if name in recipe_names() else Path(name)
+    if path.suffix not in (".yml", ".yaml") and not path.is_file():
         raise unknown("recipe", name, recipe_names())
     try:
         entries = parse_yaml(read_text(path))

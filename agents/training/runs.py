@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from agents.algorithms import find_algorithm
+from agents.learned.algorithm_names import find_algorithm
 from agents.training import run_folder
 from agents.training.algorithm import Algorithm
 from agents.training.checkpoint import has_checkpoint

@@ -36,7 +36,7 @@ LearningRate: TypeAlias = Annotated[str | float, check_rate]
 class NetworkSettings(Checked):
     """Hyper-parameters of all agents whose networks are of this package; base class."""
 
-    # Of each hidden layer.
+    # Units of each hidden layer.
     hidden: Units
     # Constant, or "lin_" and the initial value for linear decay.
     learning_rate: LearningRate

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from baselines.estimation.mixture import mixture
-from baselines.estimation.turns import begin_standing, begin_turn, predict_turn
+from baselines.estimation.turns import begin_standing, begin_turn, turned_estimate
 from hybrid_env.checks import FloatArray, Moments, PositiveOrZero, check_array, checked, reject
 from hybrid_env.compiled import compiled, prepare, turn_coefficients
 
@@ -91,7 +91,7 @@ def _forecast(
     """Write means (k, 2) and covariances (k, 2, 2) of the position of a turn after k times."""
     rate = state[6]
     for k in range(times.size):
-        moved, predicted = predict_turn(state, covariance, times[k])
+        moved, predicted = turned_estimate(state, covariance, times[k])
         means[k] = moved[:2]
         covariances[k] = predicted[:2, :2]
         # A velocity moves the position by its integral, from the tick of its noise on.

@@ -30,11 +30,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from baselines.estimation.turns import turn_of
+from baselines.estimation.turns import STATES, turn_of
 from hybrid_env.checks import BoolArray, FloatArray, IntArray
 from hybrid_env.compiled import compiled, internal
 
-STATES = 7
 # Number of begins on each side of that of a piece with which it is compared.
 REACH = 10
 
@@ -64,7 +63,7 @@ class Segments(NamedTuple):
     spread: float
 
 
-class Memory(NamedTuple):
+class FilterMemory(NamedTuple):
     """What the filter remembers of the n ticks of a block."""
 
     # (n + 1, 7) and (n + 1, 7, 7), of which the first rows are those before the block.
@@ -204,7 +203,7 @@ def filter_block(
     segments: Segments,
     speed: float,
     freedom: float,
-    memory: Memory,
+    memory: FilterMemory,
     known: int,
 ) -> None:
     """Filter the ticks of a block and fill its memory.
@@ -332,7 +331,7 @@ def compare_modes(
 
 @internal
 def _smoothed(
-    memory: Memory,
+    memory: FilterMemory,
     k: int,
     adjoint: FloatArray,
     information: FloatArray,
@@ -346,7 +345,7 @@ def _smoothed(
 
 
 @internal
-def _go_back(memory: Memory, k: int, adjoint: FloatArray, information: FloatArray) -> None:
+def _go_back(memory: FilterMemory, k: int, adjoint: FloatArray, information: FloatArray) -> None:
     """Bring what later ticks say to the begin of tick k of a block."""
     inverse = memory.inverses[k]
     step = memory.steps[k]
@@ -359,7 +358,7 @@ def _go_back(memory: Memory, k: int, adjoint: FloatArray, information: FloatArra
 
 @compiled
 def smooth_block(
-    memory: Memory,
+    memory: FilterMemory,
     adjoint: FloatArray,
     information: FloatArray,
     means: FloatArray,
@@ -374,7 +373,7 @@ def smooth_block(
         information: (7, 7) likewise.
         means: (n, 7) smoothed states, written.
         covariances: (n, 7, 7) their covariances, written.
-        turns: (n, 4) see `turns.Turn`, written.
+        turns: (n, 4) see `turns.TurnEstimate`, written.
     """
     for k in range(len(means) - 1, -1, -1):
         _smoothed(memory, k, adjoint, information, means, covariances)
@@ -391,7 +390,7 @@ def smooth_first(
     segments: Segments,
     speed: float,
     freedom: float,
-    memory: Memory,
+    memory: FilterMemory,
     last: IntArray,
     means: FloatArray,
     covariances: FloatArray,

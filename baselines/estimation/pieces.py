@@ -8,8 +8,7 @@ import numpy as np
 
 from baselines.estimation.piece_filter import (
     REACH,
-    STATES,
-    Memory,
+    FilterMemory,
     Segments,
     compare_begins,
     compare_modes,
@@ -17,6 +16,7 @@ from baselines.estimation.piece_filter import (
     smooth_block,
     smooth_first,
 )
+from baselines.estimation.turns import SPREAD, STATES
 from hybrid_env.checks import AnyArray, BoolArray, FloatArray, IntArray, Moments
 from hybrid_env.compiled import run_compiled
 
@@ -25,13 +25,10 @@ ORDER = [0, 2, 1, 3]
 ORDER_OF_BOTH = np.ix_(ORDER, ORDER)
 # Places of the own states in [x, vx, y, vy, ax, ay] of a linear mode.
 LINEAR = [0, 2, 1, 3, 4, 5]
-# Ticks of a block.
-BLOCK = 512
-# Relative deviation of the curvature of a turn from that of its mode, and from what was smoothed.
-SPREAD = 0.5
+# Ticks that are smoothed at a time.
+PIECE_TICKS = 512
+# Relative deviation of the curvature of a turn from what was smoothed.
 SMOOTHED = 0.2
-# Times that the turn rates are found anew.
-ROUNDS = 3
 # Times at the begin of a piece in which its curvature may be the mean of that before and its own.
 GRADUAL = np.array([0, 2, 4, 8, 16])
 
@@ -64,7 +61,7 @@ def _matrices(rates: FloatArray, tau: float) -> Moments:
             F[:, 2 + k, 4 + other] = F[:, 4 + k, 2 + other] = sign * sine
         return F
 
-    # Of the angle of a tick [rad], for which third derivatives have no weight.
+    # A step of the angle of a tick [rad] for which third derivatives have no weight.
     step = 1e-4 / tau
     return matrices(rates), (matrices(rates + step) - matrices(rates - step)) / (2.0 * step)
 
@@ -101,8 +98,8 @@ class PieceSmoother:
         self.rates, self.radii = np.empty((2, 0))
         # Modes of the last call of `smooth_first`.
         self.last: IntArray | None = None
-        ticks = min(BLOCK, len(self.measurements))
-        self.memory = Memory(
+        ticks = min(PIECE_TICKS, len(self.measurements))
+        self.memory = FilterMemory(
             np.zeros((ticks + 1, STATES)),
             np.zeros((ticks + 1, STATES, STATES)),
             np.zeros((ticks, STATES, STATES)),
@@ -131,7 +128,7 @@ class PieceSmoother:
 
     def _filter(self, first: int, segments: Segments) -> int:
         """Filter the block that begins at a tick, and return the number of its ticks."""
-        end = min(first + BLOCK, len(self.measurements))
+        end = min(first + PIECE_TICKS, len(self.measurements))
         arguments = self.measurements[:end], self.noises, first, segments
         run_compiled(filter_block, *arguments, self.speed, self.freedom, self.memory, 0)
         return end - first
@@ -150,7 +147,7 @@ class PieceSmoother:
         self, pieces: IntArray, gradual: IntArray | None = None
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return estimates (T, 4) [x, vx, y, vy], covariances (T, 4, 4) and turns (T, 4), see
-        `turns.Turn`.
+        `turns.TurnEstimate`.
 
         Args:
             pieces: (K, 3) first tick, end, and row of `motions` of the segments.
@@ -169,21 +166,24 @@ class PieceSmoother:
             pieces[second, 0] += gradual[second]
             pieces[first, 1] = pieces[first, 0] + gradual[first]
         memory = self.memory
-        means, spreads = np.empty((BLOCK, STATES)), np.empty((BLOCK, STATES, STATES))
+        means, spreads = np.empty((PIECE_TICKS, STATES)), np.empty((PIECE_TICKS, STATES, STATES))
         results = np.empty((ticks, 4)), np.empty((ticks, 4, 4)), np.empty((ticks, 4))
         self.pieces = pieces
         self.rates = _curvatures(of_pieces) * self.speed
-        for _ in range(ROUNDS):
+        # The turn rates are found anew three times.
+        for _ in range(3):
             segments = self._segments(pieces, of_pieces, self.rates)
             self._anchor(*self.begin())
             anchors = []
-            for first in range(0, ticks, BLOCK):
+            for first in range(0, ticks, PIECE_TICKS):
                 anchors.append((memory.states[0].copy(), memory.covariances[0].copy()))
                 count = self._filter(first, segments)
                 self._anchor(memory.states[count], memory.covariances[count])
             adjoint, information = np.zeros(STATES), np.zeros((STATES, STATES))
             found = np.zeros(ticks)
-            for first, anchor in zip(range(0, ticks, BLOCK)[::-1], anchors[::-1], strict=True):
+            for first, anchor in zip(
+                range(0, ticks, PIECE_TICKS)[::-1], anchors[::-1], strict=True
+            ):
                 self._anchor(*anchor)
                 count = self._filter(first, segments)
                 part = slice(first, first + count)
@@ -205,7 +205,7 @@ class PieceSmoother:
 
     def smooth_first(self, modes: IntArray, begins: BoolArray) -> Moments:
         """Return estimate (4,) and covariance (4, 4) of the first tick given the measurements of
-        all, at most `BLOCK`. At the next call all ticks are one later.
+        all, at most `PIECE_TICKS`. At the next call all ticks are one later.
 
         Args:
             modes: (T,) of the ticks.
@@ -233,7 +233,7 @@ class PieceSmoother:
         memory = self.memory
         distances = []
         self._anchor(*self.begin())
-        for first in range(0, len(self.measurements), BLOCK):
+        for first in range(0, len(self.measurements), PIECE_TICKS):
             count = self._filter(first, segments)
             errors, inverses = memory.errors[:count], memory.inverses[:count]
             distances.append(np.einsum("ti,tij,tj->t", errors, inverses, errors))

@@ -8,7 +8,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from baselines.estimation.forecast import forecast_turns
-from baselines.estimation.turns import Turn, TurnFilter, begin_standing, begin_turn, speed_of
+from baselines.estimation.turns import (
+    SPREAD,
+    TurnEstimate,
+    TurnFilter,
+    begin_standing,
+    begin_turn,
+    speed_of,
+)
 from hybrid_env.checks import AnyArray, FloatArray, Moments
 from hybrid_env.live import LiveTracks
 from hybrid_env.sensors import Fused
@@ -16,8 +23,6 @@ from hybrid_env.sensors import Fused
 # Types of modes: of straight motion, and of all that is none of the next ones, 0, of left turns 1,
 # of right turns 2, and of stops.
 STANDING = 3
-# Relative deviation of the curvature of a turn from that of its hypothesis.
-SPREAD = 0.5
 
 
 class TurnTracks(LiveTracks):
@@ -150,17 +155,17 @@ class TurnTracks(LiveTracks):
         covariance[0, 2] = covariance[2, 0] = xy
         return estimate, covariance
 
-    def turn(self) -> Turn:
+    def turn(self) -> TurnEstimate:
         """Return speed and radius of the decided mode, and their deviations."""
         if self.decided and self.decided_type == STANDING:
-            return Turn(0.0, 0.0, math.nan, math.nan)
+            return TurnEstimate(0.0, 0.0, math.nan, math.nan)
         if self.decided and self._runs:
             return self._filter.turn(self.decided_type)
         _, vx, _, vy = self._view("estimate").tolist()
-        # Of vx, of both, and of vy, of its upper triangle.
+        # Of the upper triangle, the entries of vx, of both velocities, and of vy are needed.
         _, _, _, _, xx, _, xy, _, _, yy = self._view("covariance").tolist()
         speed, deviation = speed_of(vx, vy, xx, xy, yy)
-        return Turn(speed, deviation, math.inf if self.decided else math.nan, math.nan)
+        return TurnEstimate(speed, deviation, math.inf if self.decided else math.nan, math.nan)
 
     def forecast(self, seconds: ArrayLike, stated: bool = False) -> Moments:
         """Return means (k, 2) and covariances (k, 2, 2) of the position after k times [s], as long

@@ -22,12 +22,11 @@ from hybrid_env.checks import FloatArray, Moments, OwnState
 from hybrid_env.compiled import compiled, internal, prepare, turn_coefficients
 
 STATES = 7
-# Nodes and weights of the quadrature of Gauss and Hermite for a normal distribution.
-NODES = -math.sqrt(3.0), 0.0, math.sqrt(3.0)
-WEIGHTS = 1.0 / 6.0, 2.0 / 3.0, 1.0 / 6.0
+# Relative deviation of the curvature of a turn from that of its mode.
+SPREAD = 0.5
 
 
-class Turn(NamedTuple):
+class TurnEstimate(NamedTuple):
     """Speed and radius of an object, in the units of its positions and times.
 
     Attributes:
@@ -64,7 +63,7 @@ def turn_matrix(rate: float, seconds: float) -> FloatArray:
 
 
 @internal
-def predict_turn(
+def turned_estimate(
     state: FloatArray, covariance: FloatArray, seconds: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return state (7,) and covariance (7, 7) after a time without noise: the mean of the linear
@@ -72,9 +71,12 @@ def predict_turn(
     degree exactly. To first order the filter would become too certain while the rate is not well
     known.
     """
+    # Quadrature of Gauss and Hermite for a normal distribution.
+    nodes = -math.sqrt(3.0), 0.0, math.sqrt(3.0)
+    weights = 1.0 / 6.0, 2.0 / 3.0, 1.0 / 6.0
     deviation = math.sqrt(max(covariance[6, 6], 0.0))
     with_rate = covariance[6, :6].copy()
-    # Of the other states by the turn rate.
+    # Derivative of the other states by the turn rate.
     slope = with_rate / deviation**2 if deviation > 0.0 else 0.0 * with_rate
     given = covariance[:6, :6] - np.outer(slope, with_rate)
     means = np.empty((3, 6))
@@ -83,15 +85,15 @@ def predict_turn(
     predicted = np.zeros((STATES, STATES))
     predicted[6, 6] = covariance[6, 6]
     for k in range(3):
-        error = NODES[k] * deviation
+        error = nodes[k] * deviation
         matrix = turn_matrix(state[6] + error, seconds)
         means[k] = matrix @ (state[:6] + error * slope)
-        moved[:6] += WEIGHTS[k] * means[k]
-        predicted[:6, :6] += WEIGHTS[k] * (matrix @ given @ matrix.T)
+        moved[:6] += weights[k] * means[k]
+        predicted[:6, :6] += weights[k] * (matrix @ given @ matrix.T)
     for k in range(3):
         apart = means[k] - moved[:6]
-        predicted[:6, :6] += WEIGHTS[k] * np.outer(apart, apart)
-        predicted[:6, 6] += WEIGHTS[k] * NODES[k] * deviation * apart
+        predicted[:6, :6] += weights[k] * np.outer(apart, apart)
+        predicted[:6, 6] += weights[k] * nodes[k] * deviation * apart
     predicted[6, :6] = predicted[:6, 6]
     return moved, predicted
 
@@ -112,14 +114,14 @@ def _advance(
     of noise (B, 3) xx, xy, yy, NaN is none, and write their turns (B, 4).
     """
     for b in range(first, last):
-        state, covariance = predict_turn(states[b], covariances[b], tau)
+        state, covariance = turned_estimate(states[b], covariances[b], tau)
         covariance[2, 2] += process_variance
         covariance[3, 3] += process_variance
         xx = covariance[0, 0] + noises[b, 0]
         xy = covariance[0, 1] + noises[b, 1]
         yy = covariance[1, 1] + noises[b, 2]
         determinant = xx * yy - xy * xy
-        # Also False for a covariance that is NaN.
+        # This is False for a covariance that is NaN, too.
         if determinant > 0.0 and not math.isnan(positions[b, 0] + positions[b, 1]):
             error_x = positions[b, 0] - state[0]
             error_y = positions[b, 1] - state[1]
@@ -183,8 +185,8 @@ def speed_of(vx: float, vy: float, xx: float, xy: float, yy: float) -> tuple[flo
 
 @internal
 def turn_of(state: FloatArray, covariance: FloatArray) -> tuple[float, float, float, float]:
-    """Return speed and radius of a turn with their deviations, see `Turn`, to first order in the
-    covariance (7, 7) of its state (7,). The radius is speed / |turn rate|.
+    """Return speed and radius of a turn with their deviations, see `TurnEstimate`, to first
+    order in the covariance (7, 7) of its state (7,). The radius is speed / |turn rate|.
     """
     vx, vy, rate = state[2], state[3], state[6]
     xx, xy, yy = covariance[2, 2], covariance[2, 3], covariance[3, 3]
@@ -193,7 +195,7 @@ def turn_of(state: FloatArray, covariance: FloatArray) -> tuple[float, float, fl
         return speed, speed_deviation, math.inf, math.nan
     if speed == 0.0:
         return speed, speed_deviation, 0.0, math.nan
-    # Of the speed and the turn rate.
+    # Covariance of the speed and the turn rate.
     with_rate = (vx * covariance[2, 6] + vy * covariance[3, 6]) / speed
     # Relative to the square of the radius.
     variance = (speed_deviation / speed) ** 2 + covariance[6, 6] / rate**2
@@ -213,7 +215,7 @@ class TurnFilter(OwnState):
     Attributes:
         states: (B, 7) [x, y, vx, vy, ux, uy, turn rate] [m, m/s, rad/s].
         covariances: (B, 7, 7)
-        turns: (B, 4) values of `Turn`.
+        turns: (B, 4) values of `TurnEstimate`.
     """
 
     def __init__(self, tau: float, process_variance: float, turns: int = 1):
@@ -247,6 +249,6 @@ class TurnFilter(OwnState):
         each = (0, len(self.states)) if only is None else (only, only + 1)
         _advance(*self._arguments, *each)
 
-    def turn(self, turn: int = 0) -> Turn:
+    def turn(self, turn: int = 0) -> TurnEstimate:
         """Return speed and radius of a turn, and their deviations."""
-        return Turn(*self.turns[turn].tolist())
+        return TurnEstimate(*self.turns[turn].tolist())

@@ -3,7 +3,7 @@
 import math
 from typing import Literal, NamedTuple, TypeAlias
 
-from baselines.estimation.turns import Turn
+from baselines.estimation.turns import TurnEstimate
 from baselines.rules.fixed_lag import Settled
 from hybrid_env.checks import FloatArray
 
@@ -46,5 +46,5 @@ class OnlineEstimate(NamedTuple):
     covariance: FloatArray
     status: Status = "used"
     position: tuple[float, float] = (math.nan, math.nan)
-    turn: Turn = Turn(math.nan, math.nan, math.nan, math.nan)
+    turn: TurnEstimate = TurnEstimate(math.nan, math.nan, math.nan, math.nan)
     settled: Settled | None = None

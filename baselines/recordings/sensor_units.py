@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from baselines.estimation.turns import Turn
+from baselines.estimation.turns import TurnEstimate
 from hybrid_env.checks import LARGEST_NUMBER, FloatArray, Moments, check_array
 from hybrid_env.sensors import Fused, Radar, Sensor, fuse
 
@@ -95,9 +95,9 @@ class SensorUnits:
         squares = np.outer(self.scales, self.scales)
         return estimates / self.scales + self.origin, covariances / squares
 
-    def turn(self, turn: Turn) -> Turn:
+    def turn(self, turn: TurnEstimate) -> TurnEstimate:
         """Return a turn in the units of the measurements."""
-        return Turn(*(np.array(turn) / self.scales[[1, 1, 0, 0]]).tolist())
+        return TurnEstimate(*(np.array(turn) / self.scales[[1, 1, 0, 0]]).tolist())
 
     def place(self, estimate: FloatArray) -> tuple[float, float]:
         """Return the position of an estimate (4,) as the sensor measures it."""

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from baselines.estimation.forecast import check_times
 from baselines.estimation.turn_tracks import TurnTracks
-from baselines.estimation.turns import Turn, speed_of
+from baselines.estimation.turns import TurnEstimate, speed_of
 from baselines.recordings.clock import TickClock, number_of
 from baselines.recordings.online_estimate import OnlineEstimate, Status
 from baselines.recordings.sensor_units import SensorUnits
@@ -598,7 +598,7 @@ class OnlineTracker(OwnState):
             xx, xy, _, yy = covariance[1::2, 1::2].ravel().tolist()
             _, vx, _, vy = estimate.tolist()
             speed, deviation = speed_of(vx, vy, xx, xy, yy)
-            turn = Turn(speed, deviation, math.nan, math.nan)
+            turn = TurnEstimate(speed, deviation, math.nan, math.nan)
         else:
             mode, decided = track.mode, track.decided and not state.assumed
             probabilities = track.probabilities()

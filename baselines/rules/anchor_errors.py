@@ -8,7 +8,7 @@ import numpy as np
 from baselines.estimation.mixture import mixture
 from baselines.rules.component_filters import Anchors, ComponentFilters, speeds, stated_anchors
 from baselines.rules.decider import Observations
-from baselines.rules.propagation import Memory, propagate
+from baselines.rules.propagation import PropagationMemory, propagate_anchor
 from hybrid_env.checks import AnyArray, BoolArray, FloatArray, IntArray, OwnState
 from hybrid_env.compiled import (
     AWARE_HYPOTHESIS,
@@ -22,12 +22,8 @@ from hybrid_env.compiled import (
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 
-# Filters of a decider whose hypotheses are propagated, the likeliest ones.
-COURSES = 12
 # Components of the distribution.
 COMPONENTS = 4
-# Smallest weight of a filter that is propagated.
-NEGLIGIBLE = 1e-7
 
 
 class AnchorErrors(OwnState):
@@ -41,12 +37,12 @@ class AnchorErrors(OwnState):
         kind = "anchor_aware" if world.bank == "anchor_aware" else "published"
         self.bank = ComponentFilters(kind, 1, tracks, world, oriented=True)
         self.resets = bool(world.parameters()["reset_covariance"])
-        # Of the present segment, and to the next switch, (N,).
+        # Ticks of the present segment, and ticks to the next switch, (N,).
         self.ticks = np.ones(tracks)
         self.ticks_left = np.zeros(tracks)
         # (N, 3) sum of the inverse covariances of the measurements of the sensors, times R.
         self.information = np.zeros((tracks, 3))
-        self.memory = Memory(
+        self.memory = PropagationMemory(
             aligned_zeros((1,), AWARE_HYPOTHESIS),
             aligned_zeros((1,), INNOVATION),
             aligned_zeros((1,), MEASURED),
@@ -83,13 +79,16 @@ class AnchorErrors(OwnState):
         """
         share = filters.shares()[:, :, tracks].transpose(2, 0, 1, 3)
         of_course = share.reshape(len(tracks), -1)
-        chosen = np.argsort(-of_course, axis=1)[:, :COURSES]
+        # The hypotheses of the twelve likeliest filters are propagated.
+        chosen = np.argsort(-of_course, axis=1)[:, :12]
         weight = np.take_along_axis(of_course, chosen, axis=1)
         assumption, component, h = np.unravel_index(chosen, share.shape[1:])
         previous = self.layout.read(rows, "previous").argmax(-1)[:, None]
         # What runs on if the hypothesis is true.
         declared = h if self.world.follow == "bank" else np.broadcast_to(previous, h.shape)
-        likely = weight > NEGLIGIBLE
+        # Filters of less weight are not propagated.
+        smallest = 1e-7
+        likely = weight > smallest
         ticks = np.where(likely, self.ticks_left[tracks, None], 0)
         mean, covariance = self.errors_of(
             filters, assumption, component, h, declared, tracks, ticks
@@ -99,7 +98,7 @@ class AnchorErrors(OwnState):
         variance = covariance[..., 4, 4] + (1e-6 * speed) ** 2
         gain = covariance[..., :4, 4] / variance[..., None]
         innovation = speeds(self.world, rows)[:, None] - speed
-        log_weight = np.log(np.maximum(weight, NEGLIGIBLE)) - 0.5 * (
+        log_weight = np.log(np.maximum(weight, smallest)) - 0.5 * (
             np.log(variance) + innovation**2 / variance
         )
         log_weight[~likely] = -np.inf
@@ -133,7 +132,7 @@ class AnchorErrors(OwnState):
         R = np.sqrt(self.world.variances[0] * self.world.variances[-1])
         R /= 1.0 if self.world.sensors else 1.0 - self.world.missed
         run_compiled(
-            propagate,
+            propagate_anchor,
             results,
             np.stack([*indices, ticks], axis=-1).reshape(-1, 8).astype(np.int64),
             np.repeat(self._noise(tracks), courses, axis=0),

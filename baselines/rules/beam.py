@@ -20,7 +20,7 @@ from baselines.rules.beam_filters import (
 )
 from baselines.rules.beam_prior import Prior, hazard_tables, hazards, mixed_prior
 from baselines.rules.decider import Actions, Variants
-from baselines.rules.measurements import MeasurementDecider, filter_model, sensors_of
+from baselines.rules.measurements import MeasurementDecider, own_filters, sensors_of
 from baselines.rules.threshold import reachable_probabilities, state_modes
 from hybrid_env.checks import BoolArray, FloatArray, check_integer
 from hybrid_env.compiled import INNOVATION, MEASURED, aligned_zeros, run_compiled
@@ -29,7 +29,7 @@ from hybrid_env.limits import MAX_LENGTH
 from hybrid_env.quickest_options import QuickestOptions
 
 # Nodes, groups and weights that are not kept.
-NOTHING = tuple(np.zeros((0, 0, 0), kind) for kind in (np.int32, np.uint16, np.float32))
+NO_NODES = tuple(np.zeros((0, 0, 0), kind) for kind in (np.int32, np.uint16, np.float32))
 
 
 class BeamState(NamedTuple):
@@ -121,7 +121,7 @@ class BeamDecider(MeasurementDecider):
         if prior is not None:
             oldest = min(options.ticks, 1200)
             tables = hazard_tables(prior, oldest, options.start == "random")
-            # Of the rows of `beam_habits.Habits`.
+            # Shares of the rows of `beam_habits.Habits`.
             shares = 1.0 - prior.different, prior.different, prior.different
             weights = np.outer(shares, prior.weights) / np.sum(prior.weights)
         self.model = BeamModel(
@@ -132,7 +132,7 @@ class BeamDecider(MeasurementDecider):
             tables,
             weights,
             0.0 if prior is None else prior.habitual,
-            filter_model(options),
+            own_filters(options),
             sensors_of(options),
             joined,
             0,
@@ -159,7 +159,7 @@ class BeamDecider(MeasurementDecider):
             branch_arrays(1, self.hypotheses + capacity),
             aligned_zeros((1,), INNOVATION),
             aligned_zeros((1,), MEASURED),
-            Walk(measurements[None], np.full(1, BY_LAW), 0, *NOTHING),
+            Walk(measurements[None], np.full(1, BY_LAW), 0, *NO_NODES),
             state.log_probability,
             self.model,
         )

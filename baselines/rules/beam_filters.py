@@ -52,7 +52,7 @@ BY_LAW = -1.0
 SMALLEST = 1e-7
 # Segments of a history that may be told apart from those of another one when both end.
 DEPTH = 3
-# Of a branch: its present mode, ticks of the present segment so far, 1 at its first measurement,
+# A branch: its present mode, ticks of the present segment so far, 1 at its first measurement,
 # `FIRST` or `LATER`, the index of its habits in `habits`, the probability that its segment would
 # end at its last tick, 0 of a new one, its group, see `_group`, that of its parents at its begin,
 # and its last segments, the present one first: tick of the begin times M, plus the mode; -1 of one
@@ -457,7 +457,7 @@ def walk_branches(
         else:
             order = np.argsort(weights, kind="mergesort")
         kept = min(order.size, capacity)
-        # Of the most probable branch.
+        # The most probable branch has the smallest weight.
         smallest = weights[order[:kept]].min()
         total = 0.0
         for k in range(kept):

@@ -22,7 +22,7 @@ Tables = Float32Array
 # Row of the beliefs in one law for all modes; rows 1 and 2 are straight motion and turns.
 SAME = 0
 # Beliefs below become 0: denormal numbers are slow.
-SMALLEST = np.float32(1e-30)
+SMALLEST_BELIEF = np.float32(1e-30)
 
 
 class Habits(NamedTuple):
@@ -71,7 +71,7 @@ def _begin_segment(habits: Habits, track: int, slot: int, mode: int) -> None:
         )
     counts = habits.orders[track, slot, mode]
     habitual = habits.habitual[track, slot]
-    # Of each next mode, if they are not equally likely.
+    # Added to the count of each next mode, if these are not equally likely.
     pseudo_count = 0.5
     total = 0.0
     modes = counts.size
@@ -191,6 +191,6 @@ def merge_habits(
             orders[parent.mode, mode] += np.float32(share)
     for row in range(3):
         for law in range(laws.shape[1]):
-            laws[row, law] *= np.float32(laws[row, law] > SMALLEST)
+            laws[row, law] *= np.float32(laws[row, law] > SMALLEST_BELIEF)
     habits.habitual[track, slot] = habitual
     _begin_segment(habits, track, slot, mode)

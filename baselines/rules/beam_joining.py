@@ -30,7 +30,7 @@ def join_branches(histories: Any, weights: FloatArray, capacity: int) -> IntArra
     """
     smallest = weights.min()
     shares = np.exp(smallest - weights)
-    # Of ages and three ticks more: the youngest are nearly the same.
+    # Three ticks are added to the ages: the youngest are nearly the same.
     reach = np.log(histories.age[: weights.size] + 3.0)
     kept = np.arange(weights.size)
     left = weights.size

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from baselines.rules.beam_habits import SMALLEST
+from baselines.rules.beam_habits import SMALLEST_BELIEF
 from hybrid_env.checks import Float32Array, FloatArray
 from hybrid_env.durations import (
     GeometricDurations,
@@ -93,7 +93,7 @@ def hazards(laws: FloatArray) -> FloatArray:
         before = 1.0 - np.append(0.0, np.cumsum(ends)[:-1])
         reached = int(np.argmin(before > 1e-12)) or len(ends)
         table[row, :reached] = ends[:reached] / before[:reached]
-        # Of ages that are hardly ever or never reached.
+        # Ages that are hardly ever or never reached have the hazard before them.
         table[row, reached:] = table[row, reached - 1]
     return table.clip(0.0, 1.0)
 
@@ -110,4 +110,4 @@ def hazard_tables(prior: Prior, ages: int, random_start: bool) -> Float32Array:
         ends = hazards(laws).T.clip(prior.floor, prior.ceiling)
         tables[row, :, 0] = np.cumprod(np.vstack([np.ones(len(laws)), 1.0 - ends[:-1]]), axis=0)
         tables[row, :, 1] = tables[row, :, 0] * ends
-    return np.where(tables > SMALLEST, tables, 0.0).astype(np.float32)
+    return np.where(tables > SMALLEST_BELIEF, tables, 0.0).astype(np.float32)

@@ -31,7 +31,7 @@ class CusumDecider(Decider):
     default = 4.0
     thresholds = (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 6.0, 7.0, 8.0, 10.0, 12.0, 15.0)
     bounds = 1e-12, math.inf
-    # Of a statistic.
+    # First value of a statistic.
     start = 0.0
 
     def update(self, statistics: FloatArray, ratio: FloatArray) -> FloatArray:

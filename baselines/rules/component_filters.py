@@ -15,10 +15,10 @@ from baselines.rules.measurements import (
     axes_in_rows,
     copy_filter,
     estimate_in,
-    filter_model,
     in_heading_frame,
     in_rows,
     in_world,
+    own_filters,
     sensors_of,
 )
 from hybrid_env.checks import AnyArray, BoolArray, FloatArray, OwnState
@@ -49,9 +49,9 @@ class NoiseLaw(NamedTuple):
 
     # Logarithm of the probability of the law before the first measurement, up to a constant.
     log_prior: float
-    # Of most measurements, relative to R.
+    # Variance of most measurements, relative to R.
     variance: float
-    # Of outliers, relative to R.
+    # Variance of outliers, relative to R.
     outlier_variance: float
     # Logarithm of the share of outliers.
     log_outlier_odds: float
@@ -60,7 +60,7 @@ class NoiseLaw(NamedTuple):
 
 
 # Normal errors with an outlier in thirty, and heavy tails.
-LAWS = NoiseLaw(0.0, 1.0, 25.0, -3.5, 14.0), NoiseLaw(-3.0, 2.0, 40.0, -2.3, 12.0)
+ASSUMED_LAWS = NoiseLaw(0.0, 1.0, 25.0, -3.5, 14.0), NoiseLaw(-3.0, 2.0, 40.0, -2.3, 12.0)
 
 
 class _Assumption(NamedTuple):
@@ -68,7 +68,7 @@ class _Assumption(NamedTuple):
 
     model: FilterModel
     outlier_model: FilterModel
-    # Of the law; infinite if no measurement counts as an outlier.
+    # That of the law; infinite if no measurement counts as an outlier.
     distance: float
     law: NoiseLaw
 
@@ -184,7 +184,7 @@ class ComponentFilters(OwnState):
     """One bank for each of N tracks and of C components of the distribution of its anchor: filters
     of `anchor_aware`, with an exact anchor those of `published`. With `robust` a measurement that
     no hypothesis explains is an outlier, with a larger variance. There are filters for every law of
-    `LAWS`, weighted by the likelihood of all measurements of the episode, and for three
+    `ASSUMED_LAWS`, weighted by the likelihood of all measurements of the episode, and for three
     orientations of the heading frame if the axes have different variances. Otherwise these have
     their geometric mean. With `oriented` the rows of the published bank tell the axes.
     """
@@ -217,8 +217,8 @@ class ComponentFilters(OwnState):
         self.oriented = oriented and x != y and world.bank == "published"
         if robust and x != y and not self.oriented:
             variances = [(x, y), (y, x), ((x + y) / 2, (x + y) / 2)]
-        laws = LAWS if robust else LAWS[:1]
-        model = filter_model(world)._replace(exact_anchor=float(bank == "published"))
+        laws = ASSUMED_LAWS if robust else ASSUMED_LAWS[:1]
+        model = own_filters(world)._replace(exact_anchor=float(bank == "published"))
         self.assumptions = [
             _Assumption(
                 model._replace(variance_x=law.variance * x, variance_y=law.variance * y),

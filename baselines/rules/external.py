@@ -190,7 +190,7 @@ def _attributes(model: Any, name: str, options: Any) -> dict[str, Any]:
         "default": float(default),
         "options": needs,
         "oracle": oracle,
-        # It is created at one threshold.
+        # An object is created at one threshold.
         "sweeps": False,
     }
 

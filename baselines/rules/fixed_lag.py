@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from baselines.estimation.pieces import BLOCK
+from baselines.estimation.pieces import PIECE_TICKS
 from baselines.rules.beam_filters import BY_LAW
 from baselines.rules.hindsight import beam_of, choose_modes, smoother_of, starts_of, worth_of
 from baselines.rules.lattice import LatticeWalk, smooth_lattice
@@ -15,7 +15,7 @@ from hybrid_env.quickest_options import QuickestOptions
 # Number of future rows that are counted for the mode of the last one: otherwise no change would be
 # worth its cost with a short lag. It was chosen for simulated objects with lags of 1 to 20.
 AHEAD = 3.0
-LARGEST_LAG = BLOCK - 1
+LARGEST_LAG = PIECE_TICKS - 1
 
 
 class Settled(NamedTuple):

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from baselines.rules.decider import Actions, Variants
-from baselines.rules.measurements import MeasurementDecider, estimate_in, filter_model, sensors_of
+from baselines.rules.measurements import MeasurementDecider, estimate_in, own_filters, sensors_of
 from hybrid_env.checks import (
     AnyArray,
     BoolArray,
@@ -207,7 +207,7 @@ class RestartDecider(MeasurementDecider):
         self.model = RestartModel(
             options.motions,
             check_integer("window", window, maximum=10_000),
-            filter_model(options)._replace(exact_anchor=float(kind == "published")),
+            own_filters(options)._replace(exact_anchor=float(kind == "published")),
             sensors_of(options),
         )
 

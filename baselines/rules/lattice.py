@@ -37,9 +37,6 @@ from baselines.rules.measurements import estimate_in
 from hybrid_env.checks import AnyArray, Float32Array, FloatArray, IntArray
 from hybrid_env.compiled import INNOVATION, MEASURED, aligned_zeros, compiled, run_compiled
 
-# Ticks that are walked at a time.
-BLOCK = 4096
-
 
 class Lattice(NamedTuple):
     """The nodes that are probable at T ticks, from the measurements up to each.
@@ -158,8 +155,10 @@ def walk_lattice(
     walk = LatticeWalk(starts, branches, model)
     kept = [np.zeros(0, array.dtype) for array in walk.arrays(0)]
     offsets = np.zeros(len(ends) + 1, int)
-    for first in range(0, len(ends), BLOCK):
-        part = slice(first, first + BLOCK)
+    # That many ticks are walked at a time.
+    block = 4096
+    for first in range(0, len(ends), block):
+        part = slice(first, first + block)
         arrays = walk.arrays(len(ends[part]))
         walk.extend(measurements[part], ends[part], *arrays)
         probable = arrays[-1] > 0.0

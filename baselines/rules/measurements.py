@@ -34,7 +34,7 @@ SENSED = 3 + MOST_RATES
 OF_SENSORS = (2 + SENSED, 4, 2)
 
 
-def filter_model(options: ModelOptions) -> FilterModel:
+def own_filters(options: ModelOptions) -> FilterModel:
     """Return the model of a decider's own filters."""
     variances = options.variances
     return FilterModel(

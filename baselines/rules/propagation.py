@@ -21,15 +21,18 @@ from hybrid_env.compiled import (
     turn_coefficients,
 )
 
-# Of a filter: [x, vx, y, vy, centre_x, centre_y, turn_rate].
-STATES = 7
+# States of a filter: [x, vx, y, vy, centre_x, centre_y, turn_rate].
+FILTER_STATES = 7
 # Entries of y in a covariance of the seven states, upper triangle row by row.
 OF_Y = 2, 8, 13, 14, 15, 16, 17
 # (2, 14) position of the object less that of the bank's filter.
-APART = np.eye(2 * STATES)[[0, 2]] - np.eye(2 * STATES)[[STATES, STATES + 2]]
+APART = (
+    np.eye(2 * FILTER_STATES)[[0, 2]]
+    - np.eye(2 * FILTER_STATES)[[FILTER_STATES, FILTER_STATES + 2]]
+)
 
 
-class Memory(NamedTuple):
+class PropagationMemory(NamedTuple):
     """Temporary memory of a propagation, of which lane 0 is used."""
 
     # (1,) record `AWARE_HYPOTHESIS`
@@ -46,8 +49,8 @@ def _read_filter(kalman: Any, lane: int, mean: FloatArray, covariance: FloatArra
     for k, value in enumerate(state_of(kalman, lane)):
         mean[k] = value
     entry = 0
-    for i in range(STATES):
-        for j in range(i, STATES):
+    for i in range(FILTER_STATES):
+        for j in range(i, FILTER_STATES):
             covariance[i, j] = kalman.covariance[entry, lane]
             covariance[j, i] = covariance[i, j]
             entry += 1
@@ -57,7 +60,7 @@ def _read_filter(kalman: Any, lane: int, mean: FloatArray, covariance: FloatArra
 def _move(mean: FloatArray, tau: float) -> FloatArray:
     """Move seven states, (7,), by a tick; return the Jacobian of the motion, (7, 7)."""
     C, S, W, D, dC, dS, dW = turn_coefficients(mean[6], tau)
-    jacobian = np.eye(STATES)
+    jacobian = np.eye(FILTER_STATES)
     for axis in range(2):
         x = 2 * axis
         v = x + 1
@@ -80,7 +83,7 @@ def _move(mean: FloatArray, tau: float) -> FloatArray:
 def _tick(
     mean: FloatArray,
     joint: FloatArray,
-    memory: Memory,
+    memory: PropagationMemory,
     precision: FloatArray,
     noise: FloatArray,
     sensors: AnyArray,
@@ -92,9 +95,9 @@ def _tick(
     """
     kalman = memory.kalman[0]
     measured = memory.measured[0]
-    motion = np.zeros((2 * STATES, 2 * STATES))
-    motion[:STATES, :STATES] = _move(mean[:STATES], model.tau)
-    motion[STATES:, STATES:] = _move(mean[STATES:], model.tau)
+    motion = np.zeros((2 * FILTER_STATES, 2 * FILTER_STATES))
+    motion[:FILTER_STATES, :FILTER_STATES] = _move(mean[:FILTER_STATES], model.tau)
+    motion[FILTER_STATES:, FILTER_STATES:] = _move(mean[FILTER_STATES:], model.tau)
     moved = motion @ joint @ motion.T
     moved[1, 1] += model.process_variance
     moved[3, 3] += model.process_variance
@@ -104,16 +107,16 @@ def _tick(
         kalman, memory.innovation[0], np.uint64(0), np.uint64(1), measured, sensors, model
     )
     # K = P H' / R with the corrected P.
-    of_measured = np.empty((2, STATES))
-    for j in range(STATES):
+    of_measured = np.empty((2, FILTER_STATES))
+    for j in range(FILTER_STATES):
         of_measured[0, j] = kalman.covariance[j, 0]
         of_measured[1, j] = kalman.covariance[OF_Y[j], 0]
     gains = precision @ of_measured
-    correction = np.eye(2 * STATES)
-    correction[STATES:] += gains.T @ APART
+    correction = np.eye(2 * FILTER_STATES)
+    correction[FILTER_STATES:] += gains.T @ APART
     mean[:] = correction @ mean
     corrected = correction @ moved @ correction.T
-    corrected[STATES:, STATES:] += gains.T @ (noise @ gains)
+    corrected[FILTER_STATES:, FILTER_STATES:] += gains.T @ (noise @ gains)
     return corrected
 
 
@@ -122,17 +125,17 @@ def _write_error(result: FloatArray, mean: FloatArray, joint: FloatArray) -> Non
     """Write the mean error (4,) of the anchor in its heading frame, its mean speed, and their
     covariance (5, 5), to first order in the deviations of the states.
     """
-    vx = STATES + 1
-    vy = STATES + 3
+    vx = FILTER_STATES + 1
+    vy = FILTER_STATES + 3
     speed = max(math.hypot(mean[vx], mean[vy]), 1e-12)
     c = mean[vx] / speed
     s = mean[vy] / speed
     turn = np.kron(np.array([[c, s], [-s, c]]), np.eye(2))
-    error = turn @ (mean[:4] - mean[STATES : STATES + 4])
+    error = turn @ (mean[:4] - mean[FILTER_STATES : FILTER_STATES + 4])
     # From deviations of the states to error and speed.
-    frame = np.zeros((5, 2 * STATES))
+    frame = np.zeros((5, 2 * FILTER_STATES))
     frame[:4, :4] = turn
-    frame[:4, STATES : STATES + 4] = -turn
+    frame[:4, FILTER_STATES : FILTER_STATES + 4] = -turn
     # The heading deviates too.
     turned = np.concatenate((error[2:], -error[:2])) / speed
     frame[:4, vx] -= turned * s
@@ -145,7 +148,7 @@ def _write_error(result: FloatArray, mean: FloatArray, joint: FloatArray) -> Non
 
 
 @compiled
-def propagate(
+def propagate_anchor(
     results: FloatArray,
     courses: IntArray,
     noise: FloatArray,
@@ -154,22 +157,22 @@ def propagate(
     bank: AnyArray,
     sensors: AnyArray,
     model: FilterModel,
-    memory: Memory,
+    memory: PropagationMemory,
 ) -> None:
     """Write what `_write_error` does, (K, 30), of K courses, (K, 8): assumption, block, hypothesis
     and lane of a filter of the decider; block, declared hypothesis and lane of the bank; ticks to
     the switch. noise: (K, 3), covariance of a measurement xx, xy, yy over R, and `ratios` of that
     of the errors by the assumptions.
     """
-    mean = np.empty(2 * STATES)
+    mean = np.empty(2 * FILTER_STATES)
     R = np.empty((2, 2))
     for k in range(len(courses)):
         assumption, block, h, lane, bank_block, declared, bank_lane, ticks = courses[k]
         copy_filter(bank[bank_block, declared], bank_lane, memory.kalman[0], 0)
-        joint = np.zeros((2 * STATES, 2 * STATES))
+        joint = np.zeros((2 * FILTER_STATES, 2 * FILTER_STATES))
         # Its covariance is replaced by that of the object: the state of the bank is known.
-        _read_filter(memory.kalman[0], 0, mean[STATES:], joint)
-        _read_filter(filters[assumption, block, h], lane, mean[:STATES], joint)
+        _read_filter(memory.kalman[0], 0, mean[FILTER_STATES:], joint)
+        _read_filter(filters[assumption, block, h], lane, mean[:FILTER_STATES], joint)
         R[0, 0] = model.variance_x * noise[k, 0]
         R[0, 1] = model.variance_x * noise[k, 1]
         R[1, 0] = R[0, 1]

@@ -29,7 +29,7 @@ class Tick:
     observation: Observations
     # What the decider will read: the rows, or what it observes of the arrays.
     seen: AnyArray
-    # Of the decider.
+    # The memory of the decider.
     state: Any
     # (N,) True where an episode begins.
     starts: BoolArray
@@ -39,7 +39,7 @@ class Tick:
     actions: Actions
     # (N,) of the last step.
     rewards: FloatArray
-    # Of the last step or the reset.
+    # What the last step or the reset told.
     info: Info
 
 
@@ -167,7 +167,7 @@ def record_in(
     return [Statements(true_modes, stated) for stated in stated_modes]
 
 
-def evaluate(
+def record_decisions(
     decider: Any,
     env_id: str = "hybrid_env:HybridTrack-v0",
     episodes: int = 1000,

@@ -32,16 +32,18 @@ class Decisions:
     # Index into the bank.
     true_mode: IntArray
     decided_mode: IntArray
-    # Of the segment, in ticks.
+    # Ticks of the segment.
     length: IntArray
-    # Of the estimated position, summed over the segment [m^2].
+    # Squared error of the estimated position, summed over the segment [m^2].
     squared_error: FloatArray
-    # Of the segment, see `WorldOptions.segment_reward`.
+    # Reward of the segment, see `WorldOptions.segment_reward`.
     reward: FloatArray
 
     @property
     def values(self) -> FloatArray:
-        """Values of each episode, (E, F), see `COLUMNS`: means over its segments, then sums."""
+        """Values of each episode, (E, F), see `DECISION_COLUMNS`: means over its segments, then
+        sums.
+        """
         right = self.correct[:, :-1]
         wrong = ~self.correct[:, 1:]
         means = self.correct, self.type_correct, self.ticks, self.reward, self.forced
@@ -50,7 +52,7 @@ class Decisions:
         return np.stack(columns, axis=1)
 
 
-COLUMNS = (
+DECISION_COLUMNS = (
     "accuracy",
     "type_accuracy",
     "ticks",

@@ -35,7 +35,7 @@ def confidence_interval(
     one are dependent. `of_means` maps means (..., *episodes.shape[1:]) to the statistic (...);
     resamples where it is NaN do not count.
     """
-    # It loads slowly.
+    # SciPy loads slowly.
     from scipy import stats
 
     if len(episodes) < 2 or np.ptp(episodes, axis=0).max() == 0.0:
@@ -46,7 +46,7 @@ def confidence_interval(
         return of_means(episodes[index].mean(axis=axis if axis >= 0 else index.ndim + axis))
 
     with warnings.catch_warnings():
-        # Of resamples that do not count.
+        # Some resamples do not count.
         warnings.simplefilter("ignore", stats.DegenerateDataWarning)
         distribution = stats.bootstrap(
             (np.arange(len(episodes)),),

@@ -27,7 +27,7 @@ class Statistic:
     # From the means of these values, (..., K) each, to (..., K), or to (...) if it reads the whole
     # operating curve; `NOT_REACHED` stands for infinity, NaN for nothing counted.
     function: Callable[..., FloatArray]
-    # It is a mean share, whose interval is Wilson's if all episodes have the share 0 or 1.
+    # True of a mean share, whose interval is Wilson's if all episodes have the share 0 or 1.
     share: bool = False
 
 
@@ -87,9 +87,9 @@ def interpolated(measure: str, level: float, column: str) -> Statistic:
 class Scores:
     """Values of one decider on E episodes at K thresholds."""
 
-    # Of the decider, in tables.
+    # Name of the decider in tables.
     name: str
-    # Of its threshold.
+    # Symbol of its threshold.
     symbol: str
     # K thresholds.
     thresholds: tuple[float, ...]

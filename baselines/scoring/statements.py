@@ -77,8 +77,8 @@ class StatementMetrics:
 
     @property
     def values(self) -> FloatArray:
-        """Values of each track, (N, F), see `COLUMNS`."""
-        return np.stack([getattr(self, name) for name in COLUMNS], axis=1)
+        """Values of each track, (N, F), see `STATEMENT_COLUMNS`."""
+        return np.stack([getattr(self, name) for name in STATEMENT_COLUMNS], axis=1)
 
     def value(self, name: str) -> float:
         """Return a value of all tracks, a key of `STATISTICS`; NaN where nothing was counted."""
@@ -93,11 +93,11 @@ class StatementMetrics:
         return np.append(counts.cumsum(), self.delays.size + self.missed.sum())
 
 
-COLUMNS = tuple(field.name for field in fields(StatementMetrics))[1:]
+STATEMENT_COLUMNS = tuple(field.name for field in fields(StatementMetrics))[1:]
 """Names of the values of a track."""
 
-# The same of the types of motion: straight, left, right.
-TYPE_COLUMNS = tuple(f"type_{name}" for name in COLUMNS)
+# Columns of the types of motion: straight, left, right.
+TYPE_COLUMNS = tuple(f"type_{name}" for name in STATEMENT_COLUMNS)
 
 
 def measure_statements(statements: Statements, change_cost: float = 5.0) -> StatementMetrics:

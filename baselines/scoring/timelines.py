@@ -42,7 +42,7 @@ class Switches(NamedTuple):
     end: IntArray
     # The new mode is stated before the next switch, or the end of the track.
     detected: BoolArray
-    # It is not, and there is a next switch; an undetected last switch is neither.
+    # Not detected, and there is a next switch; an undetected last switch is neither.
     missed: BoolArray
     # Time until the first right statement, the next switch or the end of the track.
     waited: FloatArray
@@ -73,15 +73,15 @@ class TimelineCounts(NamedTuple):
 
     # Time that is scored.
     scored: FloatArray
-    # Of it, time in which the statement is the true mode.
+    # Scored time in which the statement is the true mode.
     agreed: FloatArray
-    # Of it, time in which the normal mode is true.
+    # Scored time in which the normal mode is true.
     normal: FloatArray
     # Number of samples.
     samples: FloatArray
     # Number of switches whose mode is stated or missed.
     switches: FloatArray
-    # Of them, those whose mode is not stated before the next switch.
+    # Switches whose mode is not stated before the next switch.
     missed: FloatArray
     # Sum of the times from each other switch to the first right statement.
     delay: FloatArray
@@ -91,13 +91,13 @@ class TimelineCounts(NamedTuple):
     undetected: FloatArray
     # Changes of the statement to a mode that is not true at any moment until the next change.
     false: FloatArray
-    # Of them, those away from the normal mode while it is true at all of these moments.
+    # False changes away from the normal mode while it is true at all of these moments.
     false_alarms: FloatArray
     # Changes of the statement.
     changes: FloatArray
-    # Of the switches, those to the normal mode.
+    # Switches to the normal mode.
     ends: FloatArray
-    # Of these, those that are missed.
+    # Missed switches to the normal mode.
     missed_ends: FloatArray
     # Sum of the delays of the others of these.
     delay_of_ends: FloatArray

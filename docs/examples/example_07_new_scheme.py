@@ -14,7 +14,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from baselines import MSPRTDecider
-from baselines.rules.rollout import evaluate
+from baselines.rules.rollout import record_decisions
 from hybrid_env import RandomScheme
 
 env = gym.make("hybrid_env:HybridTrack-v0", scheme="S80 L40r5 R40r5 S60")
@@ -29,7 +29,7 @@ radii = np.array([2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 14.0, 20.0])
 results = []
 for radius in radii:
     scheme = RandomScheme(segments=6, lengths=(50, 100), radii=(float(radius),))
-    results.append(evaluate(rule, episodes=300, scheme=scheme, correctness="type"))
+    results.append(record_decisions(rule, episodes=300, scheme=scheme, correctness="type"))
 
 # %%
 # Tighter turns leave the filters behind, and their anchors suffer; wide turns look like straight motion.

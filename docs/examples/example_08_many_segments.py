@@ -18,7 +18,7 @@ from scipy import stats
 
 import hybrid_env
 from baselines import MSPRTDecider, SPRTDecider
-from baselines.rules.rollout import evaluate
+from baselines.rules.rollout import record_decisions
 
 tracks = 16_667
 envs = gym.make_vec("hybrid_env:HybridTrack-v0", num_envs=tracks)
@@ -43,13 +43,15 @@ print(
 print("less than 20 s" if time.perf_counter() - began < 20.0 else "slower than expected")
 
 # %%
-# :func:`baselines.rules.rollout.evaluate` is this loop for any decider. On the published bank, the decision times of two
+# :func:`baselines.rules.rollout.record_decisions` is this loop for any decider. On the published bank, the decision times of two
 # rules with about the same accuracy, and the error over the decision time:
 
 rules = {"SPRT": SPRTDecider(1e-4), "MSPRT": MSPRTDecider(0.03)}
 figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.6), layout="constrained")
 for name, rule in rules.items():
-    found = evaluate(rule, "hybrid_env:HybridTrackPublished-v0", episodes=tracks, seed=1_000_000)
+    found = record_decisions(
+        rule, "hybrid_env:HybridTrackPublished-v0", episodes=tracks, seed=1_000_000
+    )
     print(
         f"{name}: {100 * found.correct.mean():.2f} % correct after {found.ticks.mean():.2f} ticks"
     )

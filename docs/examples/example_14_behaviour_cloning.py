@@ -64,13 +64,13 @@ for epoch in range(epochs):
 
 # %%
 # The clone declares when waiting is less likely than a threshold, 0.5 at first. A class with ``predict`` is enough for
-# :func:`baselines.rules.rollout.evaluate`, which lets all deciders face the same episodes.
+# :func:`baselines.rules.rollout.record_decisions`, which lets all deciders face the same episodes.
 
 import gymnasium as gym
 import matplotlib.pyplot as plt
 
 from agents.evaluation.registry import load_decider
-from baselines.rules.rollout import evaluate
+from baselines.rules.rollout import record_decisions
 from baselines.scoring.estimates import confidence_interval
 
 
@@ -91,7 +91,9 @@ deciders = {
     "clone": Clone(),
     "ATE": load_decider("ate", options),
 }
-results = {name: evaluate(decider, env_id, episodes=1000) for name, decider in deciders.items()}
+results = {
+    name: record_decisions(decider, env_id, episodes=1000) for name, decider in deciders.items()
+}
 for name, found in results.items():
     low, high = confidence_interval(found.reward.mean(1))
     print(
@@ -105,7 +107,7 @@ for name, found in results.items():
 
 figure, axes = plt.subplots(figsize=(6, 3.8), layout="constrained")
 curve = [
-    evaluate(Clone(threshold), env_id, episodes=1000)
+    record_decisions(Clone(threshold), env_id, episodes=1000)
     for threshold in (0.7, 0.6, 0.5, 0.4, 0.3, 0.2)
 ]
 axes.plot(

@@ -52,7 +52,7 @@ policy = train("ppo", **random, steps=100_000)
 import gymnasium as gym
 
 from agents import find_decider
-from baselines.rules.rollout import evaluate
+from baselines.rules.rollout import record_decisions
 
 
 def compare(**world):
@@ -61,7 +61,7 @@ def compare(**world):
     results = {}
     for name, named in {"PPO": policy, "ATE": "ate", "SPRT": "sprt"}.items():
         decider = find_decider(named, options)
-        made = results[name] = evaluate(decider, episodes=1000, **world | decider.options)
+        made = results[name] = record_decisions(decider, episodes=1000, **world | decider.options)
         print(
             f"{name}: {100 * made.correct.mean():.1f} % correct after {made.ticks.mean():.1f} ticks, "
             f"reward {made.reward.mean():.3f}"

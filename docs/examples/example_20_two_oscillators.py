@@ -38,7 +38,7 @@ modes = (oscillator("stiff", M=10.0, K=20.0, C=1.0), oscillator("soft", M=14.0, 
 import gymnasium as gym
 
 from agents import find_decider, train
-from baselines.rules.rollout import evaluate
+from baselines.rules.rollout import record_decisions
 
 system = {"modes": modes, "tau": tau, "speed": 1.0, "measurement_variance": 0.01}
 policy = train("ppo", **system, steps=100_000)
@@ -47,7 +47,7 @@ options = env.unwrapped.options
 results = {}
 for name, named in {"PPO": policy, "ATE": "ate", "SPRT": "sprt"}.items():
     decider = find_decider(named, options)
-    made = results[name] = evaluate(decider, episodes=1000, **system | decider.options)
+    made = results[name] = record_decisions(decider, episodes=1000, **system | decider.options)
     print(
         f"{name}: {100 * made.correct.mean():.1f} % correct after {made.ticks.mean():.1f} ticks, "
         f"reward {made.reward.mean():.3f}"

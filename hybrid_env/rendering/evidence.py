@@ -11,8 +11,6 @@ from hybrid_env.modes import Mode, modes_of_radii
 
 TYPE_COLOURS = {"straight": "#d55e00", "left": "#0072b2", "right": "#009e73"}
 """The papers' red, blue and green in the palette of Okabe and Ito."""
-OTHER_COLOURS = ("#cc79a7", "#e69f00", "#56b4e9", "#000000", "#f0e442")
-"""Other types of modes of the user, in their order."""
 
 # Modes of the options of an environment, or the turn radii of the bank [m].
 Modes = Sequence[Mode] | Sequence[float]
@@ -50,7 +48,8 @@ def mode_colour(mode: int, modes: Modes) -> str:
 def type_colours(modes: Sequence[Mode]) -> dict[str, str]:
     """Return the colour of each type of modes."""
     others = dict.fromkeys(mode.type for mode in modes if mode.type not in TYPE_COLOURS)
-    return TYPE_COLOURS | dict(zip(others, itertools.cycle(OTHER_COLOURS), strict=False))
+    colours = itertools.cycle(("#cc79a7", "#e69f00", "#56b4e9", "#000000", "#f0e442"))
+    return TYPE_COLOURS | dict(zip(others, colours, strict=False))
 
 
 def legend_colours(modes: Modes) -> dict[str, str]:
@@ -89,12 +88,12 @@ class EvidencePanel:
     label: str
     limits: tuple[float, float]
     scale: Literal["linear", "logit"] = "linear"
-    # Of each hypothesis, of straight motion, left and right turns, or a single one; those that
+    # A curve for each hypothesis, for each type of motion, or a single one; hypotheses that
     # share a curve must have the same evidence.
     curves: Literal["hypothesis", "type", "single"] = "hypothesis"
     # Levels of the evidence at which a decision is made, drawn as dashed lines, by their names.
     thresholds: Mapping[str, float] = field(default_factory=dict)
-    # Of the thresholds.
+    # Title of the thresholds.
     legend: str = ""
     # Whether true and stated modes are drawn below the curves, for unknown switch moments: there
     # are then no decisions, and the evidence does not begin anew at a switch.

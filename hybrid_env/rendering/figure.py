@@ -31,7 +31,7 @@ class EpisodeFigure:
         width, height = FRAME_SIZE
         self.figure = Figure(figsize=(width / 100, height / 100), dpi=100)
         self._canvas = FigureCanvasAgg(self.figure)
-        # Of the plane shown: episode, centre and half height [m].
+        # The plane shown: its episode, centre and half height [m].
         self._episode = -1
         self._centre = np.zeros(2)
         self._half = 0.0
@@ -46,7 +46,7 @@ class EpisodeFigure:
         self._switches = self._points(self._track, "switch", "D", 5)
         self._evidence = self._add_axes(0.57, "time [ticks]", panel.label)
         self._add_panel()
-        # Of each axes, by whether the decision is correct.
+        # Marks on each axes, by whether the decision is correct.
         self._decisions = [
             {
                 True: self._points(axes, "correct decision", "o", 6),

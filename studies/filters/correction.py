@@ -5,15 +5,13 @@ errors, are processed one after the other, without an inverse. Bar-Shalom, Li & 
 section 7.4 (sequential processing). Of a component let y be the innovation, m the variance of the
 prediction, r that of the error, and c its column of the covariance P of the state. Every method
 adds c y a to the state and subtracts c c' b from P, with its own a and b; for the Kalman filter a =
-b = 1 / (m + r). The log-likelihood of the innovation is exact for Student-t; for Huber it is that
-of the density that belongs to the loss, with the scale of the innovation.
+b = 1 / (m + r).
 """
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
-from scipy.special import gammaln, ndtr
+from scipy.special import gammaln
 
 from studies.filters.track_filter import FloatArray
 
@@ -28,56 +26,13 @@ Factors = tuple[FloatArray, FloatArray, FloatArray]
 def gaussian_factors(
     innovation: FloatArray, predicted: FloatArray, variance: FloatArray
 ) -> Factors:
-    """Return the factors of the Kalman filter, see `Robust.factors`."""
+    """Return the factors of the Kalman filter for innovations y (B,) [m] of variances
+    predicted m and measured r, (B,) [m^2].
+    """
     total = predicted + variance
     precision = 1.0 / total
     log_likelihood = -0.5 * (innovation**2 * precision + np.log(total) + LOG_TWO_PI)
     return precision, precision, log_likelihood
-
-
-class Robust(Protocol):
-    """A robust correction."""
-
-    def factors(
-        self, innovation: FloatArray, predicted: FloatArray, variance: FloatArray
-    ) -> Factors:
-        """Return the factors for innovations y (B,) [m] of variances predicted m and measured r,
-        (B,) [m^2].
-        """
-
-
-@dataclass(frozen=True)
-class Huber:
-    """Huber's loss: quadratic up to a threshold, then linear. Huber 1964; Durovic & Kovacevic 1999.
-
-    The estimate is the maximum of the posterior with a Gaussian prediction and this loss of the
-    residual. The weight of a measurement beyond the threshold, by which the covariance is
-    corrected, is threshold / residual.
-    """
-
-    # Standard deviations, > 0; with Gaussian noise a mean has 95 % of the efficiency.
-    threshold: float = 1.345
-
-    def factors(
-        self, innovation: FloatArray, predicted: FloatArray, variance: FloatArray
-    ) -> Factors:
-        """See `Robust.factors`."""
-        total = predicted + variance
-        size = np.abs(innovation)
-        deviation = np.sqrt(variance)
-        k = self.threshold
-        # The residual y r / (m + r) exceeds the threshold.
-        linear = size * deviation > k * total
-        residual = np.where(linear, size - k * predicted / deviation, k * deviation)
-        weighted = np.where(linear, deviation * residual / k, variance)
-        precision = 1.0 / (predicted + weighted)
-        white = size / np.sqrt(total)
-        loss = np.where(white <= k, 0.5 * white**2, k * white - 0.5 * k * k)
-        inside = np.sqrt(2.0 * np.pi) * (2.0 * ndtr(k) - 1.0)
-        # Of exp(-loss) over all numbers.
-        integral = inside + 2.0 / k * np.exp(-0.5 * k * k)
-        log_likelihood = -loss - 0.5 * np.log(total) - np.log(integral)
-        return precision, precision, log_likelihood
 
 
 @dataclass(frozen=True)
@@ -108,7 +63,7 @@ class StudentT:
     def factors(
         self, innovation: FloatArray, predicted: FloatArray, variance: FloatArray
     ) -> Factors:
-        """See `Robust.factors`."""
+        """See `gaussian_factors`."""
         inverse_weights, log_shares = vars(self)["_quadrature"]
         total = variance[:, None] * inverse_weights + predicted[:, None]
         precision = 1.0 / total
@@ -128,7 +83,7 @@ def correct(
     measurement: FloatArray,
     variances: FloatArray,
     axes: FloatArray,
-    robust: Robust | None = None,
+    robust: StudentT | None = None,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Correct predicted estimates, (B, n) and (B, n, n), by measured positions (B, d) [m].
 
@@ -136,7 +91,7 @@ def correct(
         state, covariance, measurement: see above.
         variances, axes: (B, d) [m^2] and (B, d, d), eigenvalues and eigenvectors, as columns, of
             the covariances of the measurements.
-        robust: how components far from the prediction are used; None is the Kalman filter.
+        robust: law of the errors; None is the Kalman filter.
 
     Returns:
         estimates, covariances, and (B,) the log-likelihood of the measurement and its squared

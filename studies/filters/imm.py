@@ -48,7 +48,7 @@ class IMMFilter(TrackFilter):
         times = np.broadcast_to(np.asarray(sojourns, float), count)
         self._stationary = times / times.sum()
         others = (np.ones((count, count)) - count * np.eye(count)) / (count - 1)
-        # Of the rates of change [1/s], whose rows sum to 0.
+        # Eigenvalues and vectors of the rates of change [1/s], whose rows sum to 0.
         self._rates, self._vectors = np.linalg.eig(others / times[:, None])
         self._inverse = np.linalg.inv(self._vectors)
 
@@ -117,7 +117,7 @@ class IMMFilter(TrackFilter):
             # Before, after.
             joint = np.log(self.transition(dt)) + self._log_probabilities[:, :, None]
         after = logsumexp(joint, axis=1)
-        # Of the filters before the step, in row j for model j.
+        # Weights of the filters before the step, in row j for model j.
         weights = np.exp(joint - after[:, None, :]).swapaxes(1, 2)
         mixed = [
             mixture(

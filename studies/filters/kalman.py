@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from studies.filters.correction import Robust, correct
+from studies.filters.correction import StudentT, correct
 from studies.filters.motion_models import MotionModel
 from studies.filters.track_filter import BoolArray, FloatArray, Moments, TrackFilter
 
@@ -31,7 +31,7 @@ class KalmanFilter(TrackFilter):
         model: MotionModel,
         noise: float | ArrayLike,
         start_deviations: ArrayLike | None = None,
-        robust: Robust | None = None,
+        robust: StudentT | None = None,
     ):
         self.model = model
         self.robust = robust

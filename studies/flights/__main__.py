@@ -33,13 +33,9 @@ class Flights:
     """Folder of the package 'traffic'; by default where it is installed."""
     tier: tuple[Literal["A", "B", "C", "D", "stress"], ...] = ("A", "B", "C", "D", "stress")
     """Tiers of quality, and flights with special manoeuvres, which no total contains."""
-    form: Literal["native", "semi-real"] = "native"
-    """As reported, or the smoothed flight with white noise in the setting of
-    HybridTrackQuickest-v0, whose deciders are then compared.
-    """
     deciders: tuple[str, ...] = ()
-    """The first is the reference. Native: imm, cusum, beam, hindsight, agent with an optional
-    ':threshold', or the folder of an agent. Semi-real: those of HybridTrackQuickest-v0.
+    """The first is the reference: imm, cusum, beam, hindsight, agent with an optional ':threshold',
+    or the folder of an agent.
     """
     quick: bool = False
     """Short simulated flights instead of the recorded ones."""
@@ -48,11 +44,11 @@ class Flights:
 
     def run(self) -> None:
         """Compare, print the tables and write the files."""
-        names = tuple(dict.fromkeys(self.deciders)) or COMPARED[self.form]
+        names = tuple(dict.fromkeys(self.deciders)) or COMPARED
         flights = (
             quick_flights() if self.quick else read_flights(self.source, self.flights, self.tier)
         )
-        result = compare_on_flights(flights, names, self.form)
+        result = compare_on_flights(flights, names)
         tables, content = report(result)
         save_results(self.out / "flights", tables, content)
         for k, flight in enumerate(flights):

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from agents import load
 from baselines import Scores
 from hybrid_env import ArgumentError
 from studies.flights.agent import FlightAgent
@@ -21,17 +20,13 @@ from studies.flights.labels import Labels, Pair, label_flights
 from studies.flights.rules import RULES
 from studies.flights.samples import sample_flight
 from studies.flights.scores import estimates_beside_first, score_flights, table, value
-from studies.flights.semi_real import WORLD, semi_real_flight, state_semi_real
 from studies.flights.simulated import FlightWorld, simulate_flight, twin
 from studies.flights.turns import IntArray, TurnModel, run_turn_imm
 
 DECIDERS = RULES | {"hindsight": HINDSIGHT}
 """All rules by name."""
-COMPARED = {
-    "native": ("imm", "imm:0.8", "cusum", "beam", "hindsight", "agent:8", "agent"),
-    "semi-real": ("threshold", "beam", "beam-geometric", "shipped"),
-}
-"""Deciders that are compared by default in each form, the reference first."""
+COMPARED = ("imm", "imm:0.8", "cusum", "beam", "hindsight", "agent:8", "agent")
+"""Deciders that are compared by default, the reference first."""
 TWIN_SEED = 20190601
 LABELS = "labels, late"
 """The labels as a decider: one position late on flights, and the true modes on twins."""
@@ -41,24 +36,21 @@ LABELS = "labels, late"
 class FlightComparison:
     """Results; statements and scores are those of each decider, by its name."""
 
-    form: str
-    # The flights, as the deciders see them, with their labels.
+    # The flights with their labels.
     flights: list[Pair]
     # On each flight, (n, 1)
     stated: dict[str, list[IntArray]]
     scores: dict[str, Scores]
-    # The same on simulated twins, none in the semi-real form.
+    # Scores on simulated twins.
     twins: dict[str, Scores]
 
 
-def find(name: str, form: str) -> Any:
-    """Return a decider, or in the native form its rule and its setting.
+def find(name: str) -> Any:
+    """Return the rule of a decider and its setting.
 
     Raises:
         ArgumentError: there is none of this name.
     """
-    if form == "semi-real":
-        return load(name, "hybrid_env:HybridTrackQuickest-v0", start=WORLD.start)
     base, colon, number = name.partition(":")
     rule = DECIDERS[base] if base in DECIDERS else FlightAgent.rule(base, DECIDERS)
     try:
@@ -88,38 +80,27 @@ def quick_flights(duration: float = 600.0) -> list[Flight]:
     ]
 
 
-def compare_on_flights(flights: list[Flight], names: Sequence[str], form: str) -> FlightComparison:
+def compare_on_flights(flights: list[Flight], names: Sequence[str]) -> FlightComparison:
     """Compare deciders, the first being the reference."""
-    deciders = {name: find(name, form) for name in names}
+    deciders = {name: find(name) for name in names}
     pairs = list(zip(flights, label_flights(flights), strict=True))
-    twins: dict[str, Scores] = {}
-    if form == "semi-real":
-        generator = np.random.default_rng(20190602)
-        pairs = [semi_real_flight(*pair, generator) for pair in pairs]
-    else:
-        generator = np.random.default_rng(TWIN_SEED)
-        copies, true = zip(*(twin(*pair, generator) for pair in pairs), strict=True)
-        labels = [
-            replace(ours, weights=ours.weights * theirs.scored, scored=ours.scored & theirs.scored)
-            for ours, (_, theirs) in zip(label_flights(copies), pairs, strict=True)
-        ]
-        modes = state_modes(copies, deciders, form) | {
-            LABELS: [each.modes[:, None] for each in true]
-        }
-        on_copies = list(zip(copies, labels, strict=True))
-        twins = {name: score_flights(on_copies, modes[name]) for name in modes}
-    stated = state_modes([flight for flight, _ in pairs], deciders, form)
+    generator = np.random.default_rng(TWIN_SEED)
+    copies, true = zip(*(twin(*pair, generator) for pair in pairs), strict=True)
+    labels = [
+        replace(ours, weights=ours.weights * theirs.scored, scored=ours.scored & theirs.scored)
+        for ours, (_, theirs) in zip(label_flights(copies), pairs, strict=True)
+    ]
+    modes = state_modes(copies, deciders) | {LABELS: [each.modes[:, None] for each in true]}
+    on_copies = list(zip(copies, labels, strict=True))
+    twins = {name: score_flights(on_copies, modes[name]) for name in modes}
+    stated = state_modes(flights, deciders)
     stated[LABELS] = [late_modes(*pair) for pair in pairs]
     scores = {name: score_flights(pairs, stated[name]) for name in stated}
-    return FlightComparison(form, pairs, stated, scores, twins)
+    return FlightComparison(pairs, stated, scores, twins)
 
 
-def state_modes(
-    flights: Sequence[Flight], deciders: dict[str, Any], form: str
-) -> dict[str, list[IntArray]]:
+def state_modes(flights: Sequence[Flight], deciders: dict[str, Any]) -> dict[str, list[IntArray]]:
     """Return the statements of each decider on each flight, (n, 1); 0 outside of its pieces."""
-    if form == "semi-real":
-        return {name: state_semi_real(decider, flights) for name, decider in deciders.items()}
     batch = stack_flights(flights)
     imm = run_turn_imm(batch, TurnModel())
     return {
@@ -152,9 +133,9 @@ def report(result: FlightComparison) -> tuple[str, dict[str, Any]]:
             for name, scores in result.twins.items():
                 tiers[tier][name]["twins"] = value(scores.some(rows))
             hours = sum(result.flights[k][1].weights.sum() for k in rows) / 3600.0
-            title = f"Recorded flights, {result.form}, tier {tier}, {hours:.1f} h"
+            title = f"Recorded flights, tier {tier}, {hours:.1f} h"
             texts.append(table(title, tiers[tier]))
-    return "\n".join(texts), {"form": result.form, "tiers": tiers}
+    return "\n".join(texts), {"tiers": tiers}
 
 
 def picture(result: FlightComparison, k: int) -> Figure:

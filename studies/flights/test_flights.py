@@ -1,4 +1,4 @@
-"""Flights: data, labels, filters against closed forms, the semi-real form and the agent."""
+"""Flights: data, labels, filters against closed forms, and the agent."""
 
 import itertools
 import json
@@ -9,7 +9,6 @@ import pytest
 from scipy.stats import multivariate_t
 
 from agents import run_command
-from baselines import ThresholdDecider
 from studies.filters.kalman import KalmanFilter
 from studies.filters.motion_models import MotionModel
 from studies.filters.run_filter import run_filter
@@ -18,9 +17,6 @@ from studies.flights.flight import TIERS, Flight, stack_flights
 from studies.flights.hindsight import HINDSIGHT, HindsightRule, turn_options
 from studies.flights.labels import LEFT, RIGHT, STRAIGHT, label_flights, spans
 from studies.flights.samples import sample_flight
-from studies.flights.scores import score_flights, value
-from studies.flights.semi_real import semi_real_flight, state_semi_real
-from studies.flights.simulated import FlightWorld, simulate_flight
 from studies.flights.turn_beam import run_turn_beam
 from studies.flights.turns import TurnModel, run_turn_imm, start_turns, step_turns, student_t
 
@@ -141,18 +137,6 @@ def test_hindsight_has_the_modes_and_changes_of_the_filter(radii):
     if radii:
         signed = 80.0 / np.radians(model.rates[1:])
         np.testing.assert_allclose(options.motions["signed_radius"][1:], signed)
-
-
-def test_deciders_of_the_environment_read_flights():
-    # With hardly any noise or jitter, so that the truth is known.
-    world = FlightWorld(jitter=1e-6, wander=1e-9, rates=(0.039, 0.041), speeds=(89.0, 91.0))
-    tier = TIERS["B"]._replace(across=0.1, timing=1e-3)
-    pair = simulate_flight(tier, 1500.0, np.random.default_rng(2), world)
-    noisy, labels = semi_real_flight(*pair, np.random.default_rng(1))
-    stated = state_semi_real(ThresholdDecider(0.6), [noisy])
-
-    assert noisy.tier.across == pytest.approx(142.0, rel=0.02)
-    assert value(score_flights([(noisy, labels)], stated)) > 0.8
 
 
 def test_the_quick_form_prints_tables_and_writes_pictures(tmp_path, capsys):

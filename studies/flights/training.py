@@ -39,14 +39,14 @@ class FlightSettings(ExpectedRewardSettings):
     every round.
     """
 
-    # Of each group in a round; short ones are left out, about half of those of D.
+    # Flights of each group in a round; short ones are left out, about half of those of D.
     flights: Annotated[tuple[Annotated[int, Interval(ge=1, le=1000)], ...], MinLen(1)]
     # Approximate number of positions of a flight.
     rows: Annotated[int, Ge(1)]
     # Times that the flights of a round are used.
     passes: Annotated[int, Ge(1)]
-    # Of a change to a wrong mode: as much as a wrong statement for this time [s], times the scored
-    # time of the position over its mean.
+    # Cost of a change to a wrong mode: as much as a wrong statement for this time [s], times the
+    # scored time of the position over its mean.
     change_cost: float
 
 
@@ -149,7 +149,7 @@ class Flights(ExpectedRewardAlgorithm):
         flights, labels, steps = self.draw(counts, generator)
         batch = stack_flights(flights)
         estimates = run_turn_imm(batch, self.decider.model)
-        # Of each position among those of all flights.
+        # Time step of each position among those of all flights.
         times = np.repeat(steps, np.diff(batch.offsets))[batch.rows]
         modes, weights = (
             np.concatenate([getattr(each, name) for each in labels])[batch.rows] * batch.present
@@ -165,7 +165,7 @@ class Flights(ExpectedRewardAlgorithm):
             costs.astype(np.float32),
             (weights / times).astype(np.float32),
         )
-        # Of all flights together; D has some far shorter ones, which are left out.
+        # Nearly the shortest of all flights; D has some far shorter ones, which are left out.
         shortest = int(np.quantile(batch.present.sum(0), 0.1))
         kept = batch.present[shortest - 1]
         return StatementBatch(*(torch.from_numpy(array[:shortest, kept]) for array in arrays))

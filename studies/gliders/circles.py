@@ -59,7 +59,7 @@ class Circles:
             turned = (motion.rates[part][:-1] * np.diff(times)).sum()
             gain = np.subtract(*log.altitudes[[part.stop - 1, part.start]])
             known = times[stated[part] == mode]
-            # Of a day.
+            # Seconds of a day.
             start = (log.times[0] + flight.times[part.start]) % 86400.0
             rows.append(
                 {

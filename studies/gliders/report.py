@@ -59,7 +59,7 @@ def samples(pairs: Sequence[Pair], inner: int = 3) -> dict[str, FloatArray]:
     for _, label in pairs:
         straight = label.scored & (label.modes == STRAIGHT)
         changes.append(np.abs(np.gradient(label.speeds, label.times))[straight])
-        # Of every time of circling.
+        # Figures of every time of circling.
         for rows, mode in spans(label.modes, [slice(0, len(label.modes))]):
             circle = label.rates[rows][inner:-inner]
             if mode != STRAIGHT and label.scored[rows].any() and circle.size > inner:

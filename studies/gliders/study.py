@@ -37,11 +37,11 @@ DECIDERS = RULES | AFTER_SEAL
 class Setting(NamedTuple):
     """A rule at one of its settings."""
 
-    # Of the rule.
+    # Name of the rule.
     name: str
     # Index of the settings of its filters.
     model: int
-    # Of the rule.
+    # Numbers of the rule.
     numbers: tuple[float, ...]
 
 

@@ -30,8 +30,7 @@ class League:
     """
     recipes: tuple[str, ...] = ()
     """Recipes whose agents are trained, and trained further if that was interrupted: 'reward',
-    'tandem', 'kalman', 'transformer', 'distilled', 'jump-markov', 'q-deep' or 'q-linear' of this
-    study, one of the package, or a YAML file.
+    'tandem', 'kalman', 'q-deep' or 'q-linear' of this study, one of the package, or a YAML file.
     """
     training_seeds: int = 5
     """Number of agents trained per recipe."""

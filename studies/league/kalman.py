@@ -44,14 +44,13 @@ class KalmanState(NamedTuple):
 
 
 class KalmanNet(nn.Module):
-    """The filter of a linear motion in the plane, whose positions are measured.
-
-    `hidden` units of the GRU, which reads `context` further numbers at every measurement.
+    """The filter of a linear motion in the plane, whose positions are measured, with `hidden` units
+    of the GRU.
     """
 
-    def __init__(self, hidden: int, context: int = 0):
+    def __init__(self, hidden: int):
         super().__init__()
-        self.before = nn.Sequential(nn.Linear(12 + context, hidden), nn.SiLU())
+        self.before = nn.Sequential(nn.Linear(12, hidden), nn.SiLU())
         self.recurrent = nn.GRUCell(hidden, hidden)
         self.gain = nn.Sequential(
             nn.Linear(hidden, hidden), nn.SiLU(), zero_layer(hidden, 8), nn.Unflatten(-1, (4, 2))
@@ -68,25 +67,19 @@ class KalmanNet(nn.Module):
         return KalmanState(state, memory, measurement, nothing, nothing)
 
     def step(
-        self,
-        last: KalmanState,
-        motion: Tensor,
-        measurement: Tensor,
-        scale: Tensor,
-        *context: Tensor,
+        self, last: KalmanState, motion: Tensor, measurement: Tensor, scale: Tensor
     ) -> tuple[KalmanState, Tensor]:
         """Return the filters after a measurement (..., 2), and its log-likelihood given those
         before, (...).
 
         The motion are matrices (..., 4, 4); the scale (..., 1) is a typical deviation of an
-        innovation, in the unit of state and measurement; the context (..., context) is read too.
+        innovation, in the unit of state and measurement.
         """
         predicted = (motion @ last.state[..., None])[..., 0]
         innovation = measurement - predicted[..., :2]
         steps = innovation, measurement - last.measurement, last.evolution, last.update
         # Compressed to +-3.
-        inputs = 3.0 * torch.tanh(torch.cat(steps, -1) / scale / 3.0)
-        read = self.before(torch.cat([inputs, *context], -1))
+        read = self.before(3.0 * torch.tanh(torch.cat(steps, -1) / scale / 3.0))
         memory = self.recurrent(read.flatten(0, -2), last.memory.flatten(0, -2)).view_as(read)
         update = (self.gain(memory) @ innovation[..., None])[..., 0]
         # From the memory before the measurement, or the density would be none. The inverse of the

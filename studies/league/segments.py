@@ -23,7 +23,7 @@ from baselines import Decider, rollout
 from hybrid_env import ArgumentError, HybridTrackVectorEnv, Layout, WorldOptions
 
 Rows = NDArray[np.float32]
-# Of a row, for each turn hypothesis.
+# Inputs of a row, for each turn hypothesis.
 INPUTS = 33
 SMALLEST = 1e-30
 
@@ -241,7 +241,7 @@ class Explorer(Decider):
         running = np.arange(env.num_envs)
         # Missing if nobody decided.
         nothing = np.zeros(env.num_envs, np.int64)
-        # Of each tick and track: track, row; then action, reward and true mode.
+        # What each tick and track tells: track, row; then action, reward and true mode.
         asked: list[Any] = []
         answers: list[Any] = []
         for now in rollout(env, self, seed, unfinished):

@@ -7,15 +7,13 @@ import pytest
 import torch
 from scipy.special import log_softmax, softmax
 
-from agents import find_decider, load_recipe
+from agents import load_recipe
 from agents.training.runs import make_run
 from hybrid_env import ArgumentError
-from studies.league.distilled import taught
 from studies.league.families import find_recipe
-from studies.league.jump_markov import JumpMarkovNet
 from studies.league.kalman import KalmanNet, segment_logs, turning
-from studies.league.protocol import QUICKEST, THREE
-from studies.league.segments import Explorer, SegmentAlgorithm, places
+from studies.league.protocol import THREE
+from studies.league.segments import Explorer, places
 from studies.league.tandem import log_ratios, windows_of
 
 
@@ -43,18 +41,14 @@ def tandem_logs(net, inputs, lengths, order):
     ("name", "whole"),
     [
         ("reward", lambda net, *segments: net.whole(*segments)),
-        ("distilled", lambda net, inputs, logs, lengths: net(inputs, logs)),
         ("tandem", lambda net, inputs, logs, lengths: tandem_logs(net, inputs, lengths, net.order)),
         ("kalman", kalman_logs),
-        ("transformer", lambda net, *segments: net(*segments)),
     ],
 )
 @torch.no_grad()
 def test_a_decision_after_every_row_is_that_of_whole_segments_and_mirrored(name, whole):
     run, agent, rows, segments = random_run(name, {"radii": (2.0, 5.0), "correctness": "type"})
-    # The loss of the distilled agent also reads its teacher.
-    read = SegmentAlgorithm.inputs if name == "distilled" else type(run).inputs
-    inputs = map(torch.from_numpy, read(run, rows, segments.lengths))
+    inputs = map(torch.from_numpy, run.inputs(rows, segments.lengths))
     logs = whole(run.net, *inputs, torch.from_numpy(segments.lengths)).double().numpy()
 
     state = None
@@ -83,17 +77,6 @@ def test_the_agent_of_rewards_learns_any_modes_and_its_rivals_refuse_them():
     assert torch.isfinite(run.loss([*inputs], type(segments)(*map(torch.from_numpy, segments))))
     with pytest.raises(ArgumentError, match=r"^modes='stop, straight, left 5, accelerate 1'"):
         random_run("tandem", modes)
-
-
-def test_a_teacher_teaches_its_posterior_on_the_rows_of_the_student():
-    run, _, rows, segments = random_run("distilled", {})
-    teacher = find_decider("shipped", run.world)
-    counts = segments.lengths.reshape(6, -1).sum(1)
-    posterior = taught(teacher, rows, counts)
-    state = None
-    for k, row in enumerate(rows[: counts[0]]):
-        expected, state = teacher.posterior(row[None], state, np.array([k == 0]))
-        np.testing.assert_allclose(posterior[k], expected[0], atol=1e-6)
 
 
 def test_the_filter_with_a_constant_gain_and_covariance_is_the_literal_one():
@@ -129,41 +112,3 @@ def test_exact_posteriors_of_windows_give_the_exact_ratios():
 
     ratios = tandem_logs(posterior, views, torch.full((4,), 9), 4)
     np.testing.assert_allclose(log_softmax(ratios, -1), log_softmax(exact, -1), atol=1e-5)
-
-
-@torch.no_grad()
-def test_filters_are_mixed_by_the_formula_of_the_interacting_multiple_model():
-    net = JumpMarkovNet(8)
-    generator = np.random.default_rng(0)
-    probability = generator.dirichlet(np.ones(3), size=5)
-    logs = torch.from_numpy(np.log(probability)).float()
-    _, state = net.begin(torch.ones(5, 8), logs)
-    states = generator.normal(size=(5, 4, 4)).astype(np.float32)
-    # Both filters of straight motion.
-    states[:, 1] = states[:, 0]
-    filters = state.filters._replace(state=torch.from_numpy(states))
-    predicted, mixed, _ = net._mix(state._replace(filters=filters, logs=logs))
-    hazard = 1.0 / (1.0 + np.exp(4.3))
-    matrix = hazard / 2.0 + (1.0 - 1.5 * hazard) * np.eye(3)
-    expected = probability @ matrix
-    share = probability[:, :, None] * matrix / expected[:, None]
-
-    np.testing.assert_allclose(predicted.exp(), expected, rtol=1e-4)
-    np.testing.assert_allclose(mixed, share.swapaxes(1, 2) @ states[:, 1:], atol=1e-4)
-
-
-@torch.no_grad()
-def test_the_jump_markov_net_decides_tick_by_tick_as_on_whole_tracks():
-    recipe = load_recipe(*find_recipe("jump-markov"), ("n_envs=4", "hidden=8"))
-    run = make_run(QUICKEST, {"ticks": 12, "durations": "uniform 5-20"}, recipe)
-    torch.manual_seed(0)
-    for layer in (run.net.filter.gain[2], run.net.filter.covariance[2], run.net.modes.output):
-        torch.nn.init.normal_(layer.weight, std=0.1)
-    seen = np.concatenate(run.simulate(run.world, 4, 3)[:2], -1)
-    agent = run.decider(run.net, run.world)
-    plain = run.net(*agent.divide(seen)).belief
-    state = None
-    for tick in seen:
-        _, state = agent.decide(tick, state, np.full(4, state is None))
-    expected = torch.log_softmax(plain[-1], -1).clamp(min=-15.0)
-    np.testing.assert_allclose(state[0].logs, expected, atol=1e-4)

@@ -9,17 +9,8 @@ import pandas as pd
 from joblib import delayed
 
 from agents import Task, bound_scores, find_decider, sweep, task_of
-from baselines import (
-    BeamDecider,
-    Scores,
-    Statements,
-    ThresholdDecider,
-    measure_statements,
-    record_statements,
-    rollout,
-)
+from baselines import Scores, rollout
 from hybrid_env import HybridTrackVectorEnv, Layout
-from studies.limits.smoother import BeamSmoother
 
 # Three hypotheses and 21 of the published bank, and three with unknown switches.
 THREE, BANK, QUICKEST = (
@@ -47,15 +38,14 @@ STEPS: dict[str, tuple[str, dict[str, Any]]] = {
 # Default ids, and the ticks between their decisions, at which the bound is simulated.
 BOUNDED = "HybridTrack-v0", "HybridTrackBank-v0"
 GRIDS = (1, 8)
-# Numbers of later ticks whose measurements are used as well.
-LAGS = (5, 10, 20, 40)
 CALIBRATION_BANKS: dict[str, dict[str, Any]] = {
     "anchor-aware": {"bank": "anchor_aware"},
     "published, P kept": {"bank": "published", "reset_covariance": False},
     "published": {"bank": "published"},
     "oracle": {"bank": "oracle"},
 }
-# Of a table, as in JSON: place, noise level R [m^2], step or rule, threshold, and `Estimate`s.
+# A row of a table, as in JSON: place, noise level R [m^2], step or rule, threshold, and
+# `Estimate`s.
 Row = dict[str, Any]
 
 
@@ -240,46 +230,13 @@ def unknown_steps(law: str, noise: float, tracks: int, seed: int) -> list[Row]:
 
 def _curves(task: Task, tracks: int, seed: int) -> dict[str, Scores]:
     """Return the scores of all steps; the first threshold of each is 0."""
-    imm, geometric = (
+    imm, geometric, beam = (
         sweep(task, find_decider(name, task.options), tracks, seed)
-        for name in ("threshold", "beam-geometric")
+        for name in ("threshold", "beam-geometric", "beam")
     )
-    beam, *later = smoothed_scores(task, tracks, seed, (0, *LAGS))
     return {
         "IMM, the most probable mode": imm.at(0),
         "IMM, tuned threshold": imm,
         "beam, geometric law of durations": geometric,
         "beam, true law of durations": beam,
-        **{
-            f"with the measurements of {lag} later ticks (off line)": scores
-            for lag, scores in zip(LAGS, later, strict=True)
-        },
     }
-
-
-def smoothed_scores(
-    task: Task, tracks: int, seed: int, lags: Sequence[int], at_once: int = 500
-) -> list[Scores]:
-    """Return the scores of the threshold rule on the posterior at each number of later ticks; 0 is
-    the beam itself. A batch of 500 tracks needs about 100 MB.
-    """
-    decider = BeamDecider.create(task.options)
-    rewards: dict[int, list[Any]] = {lag: [] for lag in lags}
-    for first in range(0, tracks, at_once):
-        smoother = BeamSmoother(decider, lags)
-        count = min(at_once, tracks - first)
-        true_modes, _ = record_statements(smoother, count, seed + first, **vars(task.options))
-        for lag, of_lag in rewards.items():
-            with np.errstate(divide="ignore"):
-                logs = np.log(smoother.posterior(lag))
-            stated = (ThresholdDecider(each).statements(logs) for each in decider.thresholds)
-            measured = [
-                measure_statements(Statements(true_modes, modes), task.options.change_cost).reward
-                for modes in stated
-            ]
-            of_lag.append(np.stack(measured, axis=-1)[:, None])
-    thresholds = decider.thresholds
-    return [
-        Scores(f"{lag} ticks later", decider.symbol, thresholds, ("reward",), np.concatenate(parts))
-        for lag, parts in rewards.items()
-    ]

@@ -28,7 +28,7 @@ QUICKEST = "HybridTrackQuickest-v0"
 KNOWN_START = {"initial_error": 0.0, "heading": 0.0}
 COSTS = (0.0, QuickestOptions.change_cost)
 EXACT, BOUND, AGENT = "exact posterior", "upper bound", "shipped"
-# Of the deciders that state a mode by its probability; names of `find_decider`.
+# Deciders that state a mode by its probability; names of `find_decider`.
 RULES = {"IMM": "threshold", "beam": "beam"}
 
 
@@ -57,7 +57,7 @@ WORLDS = {
     ),
     "default": World("the first 65 ticks of the environment", {"ticks": 65}),
 }
-# Of a table, as in JSON: world, noise level R [m^2], figure, decider, and values.
+# A row of a table, as in JSON: world, noise level R [m^2], figure, decider, and values.
 Row = dict[str, Any]
 
 
@@ -167,7 +167,7 @@ def bound_scores(logs: FloatArray, cost: float) -> Scores:
     The cost of the changes is subtracted already, so that no wrong changes are counted.
     """
     right = np.exp(logs)
-    # Of the best statements so far that end with a mode.
+    # Reward of the best statements so far that end with a mode.
     best = right[0]
     for now in right[1:]:
         changed = best.max(-1, keepdims=True) - cost * (1.0 - now)

@@ -13,7 +13,7 @@ from agents import run_command
 from studies.papers.published import summary, to_markdown
 from studies.results import save_results
 
-Paper = Literal["zimchuk", "golubkov2018", "tsyganov2019", "golubkov2020", "multiple_models"]
+Paper = Literal["zimchuk", "golubkov2018", "tsyganov2019", "golubkov2020"]
 
 
 @dataclass(kw_only=True)
@@ -30,17 +30,13 @@ class Reproduce:
         "golubkov2020",
         "zimchuk",
     )
-    """Papers to reproduce; multiple_models is ATE against the IMM, GPB1, GPB2 and the static
-    multiple model, which takes some minutes.
-    """
+    """Papers to reproduce."""
     runs: int | None = None
-    """Number of runs of each study, at least 2; 1000 by default, and 100 for multiple_models.
-    Golubkov and Tsyganov used 100.
-    """
+    """Number of runs of each study, at least 2; 1000 by default. Golubkov and Tsyganov used 100."""
     seed: int = 0
     """Seed of the simulated recordings."""
     out: Path = Path("results/papers")
-    """Output folder for the tables (Markdown and JSON) and the figure of multiple_models."""
+    """Output folder for the tables (Markdown and JSON) and the figures."""
     quick: bool = False
     """20 runs only, to see the form of the result."""
 

@@ -62,7 +62,7 @@ class PublishedFilters:
         self.radii = np.concatenate([[0.0], turns, -turns])
         self.tau, self.process_variance, self.variance = tau, process_variance, variance
 
-    def begin(self, anchor: FloatArray, covariance: Any = None) -> None:
+    def begin(self, anchor: FloatArray) -> None:
         """Start all filters from estimates (n, 4)."""
         x, v = (anchor @ PLANE).T[..., None]
         turns = self.radii != 0.0
@@ -126,16 +126,16 @@ def track_ate(
         tau: length of a tick [s].
         process_variance: Q [m^2/s^2].
         measurement_variance: R [m^2].
-        options: of `run_ate`.
+        options: of `_run_ate`.
     """
     filters = PublishedFilters(radii, tau, process_variance, measurement_variance)
     starts = first_estimate(measurements, tau) if start is None else np.asarray(start, float)
     starts = np.broadcast_to(starts, (len(measurements), 4))
-    return run_ate(filters, measurements, lengths, starts, **options)
+    return _run_ate(filters, measurements, lengths, starts, **options)
 
 
-def run_ate(
-    filters: Any,
+def _run_ate(
+    filters: PublishedFilters,
     measurements: FloatArray,
     lengths: Sequence[int] | IntArray,
     starts: FloatArray,
@@ -146,11 +146,10 @@ def run_ate(
     reference: Literal["active", "straight"] = "active",
     refine_radius: bool = False,
 ) -> Tracks:
-    """Estimate trajectories with the test of Golubkov 2018, algorithm 1, on any filters.
+    """Estimate trajectories with the test of Golubkov 2018, algorithm 1.
 
     Args:
-        filters: `PublishedFilters`, or others with these methods that start from a covariance.
-        measurements, lengths: as of `track_ate`.
+        filters, measurements, lengths: as of `track_ate`.
         starts: (n, 4) estimates one tick before the first measurement; P is the identity.
         alpha: error probability of both types.
         undecided: mode of a segment that ends without a decision: "keep" for the last decided mode,
@@ -159,7 +158,7 @@ def run_ate(
             decision (Tsyganov 2019, lines 16 to 21). "literal" restores nothing, as these lines are
             printed. "as_published", with which the published table comes out, restores the estimate
             at the switch but not its covariance; the data are therefore used twice. "rewind"
-            restores both. The other two need `PublishedFilters`.
+            restores both.
         reference: hypothesis in the denominator of the ratios: "active" for the last decided mode,
             as published, or always "straight".
         refine_radius: after the decision the most likely hypothesis of the decided type is used;
@@ -167,11 +166,11 @@ def run_ate(
     """
     upper, lower = sprt_thresholds(alpha)
     runs = np.arange(len(measurements))
-    anchor, covariance = starts, np.tile(np.eye(4), (runs.size, 1, 1))
+    anchor = starts
     active = np.zeros(runs.size, np.int64)
     results: list[Any] = []
     for part in np.split(measurements, np.cumsum(lengths)[:-1], axis=1):
-        filters.begin(anchor, covariance)
+        filters.begin(anchor)
         shape = filters.log_likelihood.shape
         types = -(-np.arange(shape[1]) // (shape[1] // 2))
         if reference == "straight":
@@ -180,7 +179,7 @@ def run_ate(
         running = np.ones(shape, np.bool_)
         done = np.zeros(runs.size, np.bool_)
         ticks = np.full(runs.size, part.shape[1])
-        # Of the chosen filter at the decision.
+        # Numbers of the chosen filter at the decision.
         numbers = np.zeros((runs.size, 1, 9), np.complex128)
         outputs, ratios_of, every = [], [], []
         for k, measured in enumerate(part.swapaxes(0, 1), start=1):
@@ -221,8 +220,6 @@ def run_ate(
                 alone.step(part[:, k])
                 output[done, k] = alone.estimates[done, 0]
             last = np.where(done[:, None], output[:, -1], last)
-        if not isinstance(filters, PublishedFilters):
-            covariance = filters.covariances[runs, active, :4, :4]
         anchor = last
         results.append((output, active, ticks, ~done, np.stack(ratios_of, axis=1)))
     estimates, *of_segments, of_ticks = zip(*results, strict=True)

@@ -35,7 +35,7 @@ from studies.papers.setting import GOLUBKOV_2020 as SETTING
 
 # Number of straight ticks.
 SWITCH = 20
-# Of the naming of turns: alpha = beta of the detection, and errors that are allowed.
+# For the naming of turns: alpha = beta of the detection, and errors that are allowed.
 NAMING_ALPHA = 0.01
 ERRORS = (1.0, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1)
 BANKS: tuple[Literal["published", "anchor_aware"], ...] = ("published", "anchor_aware")
@@ -204,7 +204,7 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
     """Distribution of the detection delay; arguments as of `golubkov2018.reproduce`."""
     variance = SETTING.variances["R"]
     measurements = SETTING.simulate(runs, seed, variance).measurements
-    # Of the right turn.
+    # Ratios of the right turn.
     ratios = ratios_of(measurements, SETTING, variance)[..., 1]
     rows = []
     for alpha in (0.1, 0.05, 0.01, 0.001):

@@ -17,7 +17,7 @@ from studies.results import markdown_table
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-# Of a result beyond the tables: quantity, value, and what the paper claims of it, if anything.
+# A result beyond the tables: quantity, value, and what the paper claims of it, if anything.
 Finding = tuple[str, str, str]
 
 
@@ -28,7 +28,7 @@ class Reproduction:
     # Citation key.
     paper: str
     runs: int
-    # Of the simulated recordings.
+    # Seed of the simulated recordings.
     seed: int
     # Parts of the tables, see `table_row`.
     rows: Sequence[pd.DataFrame]

@@ -37,7 +37,7 @@ def record_episodes(tracks: int, alpha: float, **options):
     return zip(starts, map(np.concatenate, traces), map(np.array, decisions), strict=True)
 
 
-# Of the first, ratios are far outside the clipping range of the observation.
+# The ratios of the first are far outside the clipping range of the observation.
 @pytest.mark.parametrize(("alpha", "undecided"), [(1e-10, "likeliest"), (1e-3, "keep")])
 def test_ate_on_recordings_decides_and_estimates_as_in_the_environment(alpha, undecided):
     options = {"radii": tuple(range(1, 11)), "undecided": undecided}

@@ -65,7 +65,7 @@ def adaptive_positions(measured: FloatArray, limited: bool = True) -> FloatArray
     """
     position, velocity = measured[0], np.zeros(measured[0].shape)
     positions = [position]
-    # Of the last ticks, the newest first; NaN before the first one.
+    # Innovations of the last ticks, the newest first; NaN before the first one.
     innovations = np.full((5, *position.shape), np.nan)
     predictions = np.full((4, 2, *position.shape), np.nan)
     means = np.zeros((3, *position.shape))
@@ -141,7 +141,7 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
     rows = {}
     for name, positions in results.items():
         squares = (positions - truth) ** 2
-        # Of each run and leg, (3 n, 4).
+        # Errors of each run and leg, (3 n, 4).
         of_legs = [squares[first:last].mean(0).ravel() for first, last in LEGS.values()]
         rows[name] = table_row(
             "Table 1, position RMSE, m"

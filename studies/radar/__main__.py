@@ -13,7 +13,6 @@ from studies.papers.published import to_markdown
 from studies.radar.conversion import conversion_errors, conversion_table
 from studies.radar.dataset import load_radar_data, write_radar_data
 from studies.radar.flights import FLIGHTS
-from studies.radar.network import UPDATES
 from studies.radar.scores import radar_figure, radar_json, radar_tables, score_radar_data
 from studies.radar.thesis import reproduce
 from studies.radar.tuning import TRIALS
@@ -43,12 +42,12 @@ class Radar:
     jobs: int = -1
     """Number of processes; -1 for one on each core. The results do not depend on it."""
     quick: bool = False
-    """Few flights, trials and updates of the network, to see the form of the result."""
+    """Few flights and trials, to see the form of the result."""
 
     def run(self) -> None:
         """Do the part, print its tables and write its files."""
         self.out.mkdir(parents=True, exist_ok=True)
-        flights, trials, updates = (40, 2, 5) if self.quick else (FLIGHTS, TRIALS, UPDATES)
+        flights, trials = (40, 2) if self.quick else (FLIGHTS, TRIALS)
         if self.part == "conversion":
             squares = conversion_errors(20 if self.quick else 1000, self.seed)
             save_results(self.out / "conversion", conversion_table(squares), squares)
@@ -73,7 +72,7 @@ class Radar:
             counts = [f"{len(flown)} {split} flights" for split, flown in data.flights.items()]
             print(f"Data {self.out}: {', '.join(counts)}")
             return
-        scores = score_radar_data(data, self.out / "scores", trials, updates, self.jobs)
+        scores = score_radar_data(data, self.out / "scores", trials, self.jobs)
         content = radar_json(scores)
         save_results(self.out / "scores", radar_tables(scores), content, radar_figure(scores))
 

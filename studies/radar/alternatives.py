@@ -1,7 +1,6 @@
-"""What is compared with Kalman filters: filters with constant gains, and correntropy."""
+"""What is compared with Kalman filters: filters with constant gains."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -70,36 +69,3 @@ class GHFilter(TrackFilter):
         self.state[first] = 0.0
         self.state[first, :: self.order] = values[first]
         self._elapsed[measured] = 0.0
-
-
-@dataclass(frozen=True)
-class Correntropy:
-    """Maximum of the correntropy of prediction and measurement, a robust correction of
-    `KalmanFilter`. Chen, Liu, Zhao & Principe 2017, algorithm 1: residuals of both, in their
-    standard deviations, have weights exp(-residual^2 / (2 width^2)), by fixed-point iterations. The
-    covariance is that of the gain with the assumed variances; a large width gives the Kalman
-    filter.
-    """
-
-    width: float
-
-    def factors(
-        self, innovation: FloatArray, predicted: FloatArray, variance: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return corrections of state and covariance, and the log-likelihood, of innovations (B,)
-        of variances predicted and measured, as the corrections of `baselines`.
-        """
-        # From the prediction on.
-        gain = np.zeros_like(predicted)
-        squares = innovation**2
-        least = 1e-12
-        scale = 2.0 * self.width**2
-        for _ in range(10):
-            of_prediction = np.exp(-squares * gain**2 / (scale * predicted))
-            of_measurement = np.exp(-squares * (1.0 - gain) ** 2 / (scale * variance))
-            ratio = np.maximum(of_measurement, least) / np.maximum(of_prediction, least)
-            gain = predicted * ratio / (predicted * ratio + variance)
-        state = gain / predicted
-        total = predicted + variance / np.maximum(ratio, least)
-        log_likelihood = -0.5 * (squares / total + np.log(2.0 * np.pi * total))
-        return state, state * (2.0 - state * (predicted + variance)), log_likelihood

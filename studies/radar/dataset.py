@@ -32,10 +32,10 @@ from studies.radar.radars import (
 HORIZONS = (1.0, 2.0, 5.0)
 # Probability of the stated region of a forecast.
 REGION = 0.95
-# Of a flight: RMSE of position [m] and velocity [m/s] as means over the axes, RMSE of the position
-# by eq. (1.25) of the thesis [m], RMSE of the measurements as the mean over the axes [m], RMSE of
-# the forecast positions as means over the axes [m], and share of true positions within the stated
-# regions. See `flight_errors`.
+# Columns of a flight: RMSE of position [m] and velocity [m/s] as means over the axes, RMSE of the
+# position by eq. (1.25) of the thesis [m], RMSE of the measurements as the mean over the axes [m],
+# RMSE of the forecast positions as means over the axes [m], and share of true positions within the
+# stated regions. See `flight_errors`.
 COLUMNS = (
     "position",
     "velocity",

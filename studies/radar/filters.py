@@ -13,15 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 from optuna.distributions import BaseDistribution, FloatDistribution, IntDistribution
 
-from studies.filters.correction import Huber, StudentT
+from studies.filters.correction import StudentT
 from studies.filters.imm import IMMFilter
 from studies.filters.kalman import KalmanFilter
 from studies.filters.motion_models import MotionModel
 from studies.filters.run_filter import run_filter
 from studies.filters.track_filter import TrackFilter
-from studies.radar.alternatives import Correntropy, GHFilter
+from studies.radar.alternatives import GHFilter
 from studies.radar.flights import SPEED, FloatArray
-from studies.radar.particles import ParticleFilter
 from studies.radar.radars import SIGMA, Tracks
 
 Parameters = Mapping[str, Any]
@@ -66,8 +65,6 @@ class Contender:
     build: Callable[[Parameters], TrackFilter]
     # Ranges of the parameters, and their values in the first trial.
     space: Mapping[str, tuple[BaseDistribution, float]]
-    # Most trials of a tuning.
-    trials: int | None = None
 
 
 def filter_tracks(
@@ -130,31 +127,17 @@ def _sound_filter(names: Sequence[Any], parameters: Parameters) -> TrackFilter:
     the intensity "q CV" or so on all axes, R known up to the parameter "scale", a prior of the
     start, and a robust update if the parameters have one.
     """
-    updates: dict[str, Callable[[float], Any]] = {
-        "threshold": Huber,
-        "degrees of freedom": StudentT,
-        "width": Correntropy,
-    }
-    robust = [update(parameters[key]) for key, update in updates.items() if key in parameters]
+    freedom = parameters.get("degrees of freedom")
+    robust = None if freedom is None else StudentT(freedom)
     variance = parameters.get("scale", 1.0) * SIGMA**2
     filters = []
     for name in names:
         model = MotionModel(name, axes=3, noise=(parameters[f"q {name}"],) * 3)
         start = START_DEVIATIONS[: model.order - 1]
-        filters.append(KalmanFilter(model, variance, start, *robust))
+        filters.append(KalmanFilter(model, variance, start, robust))
     if len(filters) == 1:
         return filters[0]
     return IMMFilter(filters, [parameters[f"sojourn {name}"] for name in names])
-
-
-def _particle_filter(parameters: Parameters) -> TrackFilter:
-    return ParticleFilter(
-        MotionModel("CV", axes=3, noise=parameters["q CV"]),
-        math.sqrt(parameters["scale"]) * SIGMA,
-        START_DEVIATIONS[:1],
-        parameters["degrees of freedom"],
-        particles=500,
-    )
 
 
 def _log(low: float, high: float) -> FloatDistribution:
@@ -217,24 +200,7 @@ SOUND = {
 }
 # One set of parameters for both noises; the process noise is that of the sound CV with Gaussian
 # noise.
-ROBUST = {
-    "CV, Huber": _sound(("CV",), threshold=(1.0, 5.0)),
-    "CV, Student-t": _sound(("CV",), degrees_of_freedom=(2.0, 50.0), scale=(0.2, 1.5)),
-    "CV, correntropy": _sound(("CV",), width=(1.0, 30.0)),
-}
-# Robust as well, but slow: on the data set only. The process noise is tuned, because particles are
-# lost in manoeuvres that are rare under it.
-SLOW = {
-    "particles, Student-t": Contender(
-        _particle_filter,
-        {
-            "degrees of freedom": (_log(2.0, 50.0), 10.0),
-            "scale": (_log(0.2, 1.5), 0.8),
-            "q CV": (_log(1.0, 1e3), 60.0),
-        },
-        trials=16,
-    )
-}
+ROBUST = {"CV, Student-t": _sound(("CV",), degrees_of_freedom=(2.0, 50.0), scale=(0.2, 1.5))}
 # The IMM and the robust update of the Student-t CV, with the parameters that each has alone.
 COMBINED = "IMM, Student-t"
-CONTENDERS = {**THESIS, **UNTRIED, **SOUND, **ROBUST, **SLOW, COMBINED: _sound(("CV", "CA"))}
+CONTENDERS = {**THESIS, **UNTRIED, **SOUND, **ROBUST, COMBINED: _sound(("CV", "CA"))}

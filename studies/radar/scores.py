@@ -15,13 +15,11 @@ from studies.radar.filters import (
     COMBINED,
     CONTENDERS,
     ROBUST,
-    SLOW,
     SOUND,
     THESIS,
     UNTRIED,
     filter_tracks,
 )
-from studies.radar.network import filter_with, radar_net
 from studies.radar.radars import NOISE_NAMES, Noise
 from studies.radar.tuning import tune_filters
 from studies.results import in_parallel, markdown_table
@@ -32,19 +30,15 @@ ByNoise = Mapping[Noise, Sequence[Scores]]
 REFERENCE = "KF CV"
 
 
-def score_radar_data(
-    data: RadarData, folder: Path, trials: int, updates: int, jobs: int
-) -> ByNoise:
-    """Return the scores of all filters by noise, those of the thesis first, tuned and trained on
-    the training flights.
+def score_radar_data(data: RadarData, folder: Path, trials: int, jobs: int) -> ByNoise:
+    """Return the scores of all filters by noise, those of the thesis first, tuned on the training
+    flights.
 
-    A killed run goes on from the trials and weights in the folder. Trials of each tuning, updates
-    of the network; see `thesis.reproduce`.
+    A killed run goes on from the trials in the folder; see `thesis.reproduce` for the arguments.
     """
-    robust = *ROBUST, *SLOW
+    robust = tuple(ROBUST)
     names = *THESIS, *UNTRIED, *SOUND
     tuned = tune_filters(names, data.tracks["training"], data.seed, folder, trials, jobs, robust)
-    net = radar_net(data, folder / "network.safetensors", updates)
     # With the parameters that the IMM and the robust update have alone.
     student = tuned["gaussian"]["CV, Student-t"]
     combined = tuned["gaussian"]["IMM (CV, CA)"] | {
@@ -55,9 +49,6 @@ def score_radar_data(
         filters = {name: parameters[name] for name in (*names, *robust)} | {COMBINED: combined}
         calls = [joblib.delayed(score_filter)(*each, data, noise) for each in filters.items()]
         scores[noise] = in_parallel(calls, jobs, NOISE_NAMES[noise])
-        tracks = data.tracks["test"][noise]
-        filtered = filter_with(net, tracks.measurements, tracks.times)
-        scores[noise].append(score_estimates("recurrent network", filtered, data, noise))
     return scores
 
 

@@ -67,7 +67,7 @@ TEST_ERRORS: Errors = {
         "KF CJ": (31.439, 19.797, 19.585, 12.927),
     },
 }
-# The same of the training flights.
+# Errors of the training flights.
 TRAINING_ERRORS: Errors = {
     "gaussian": {
         UNFILTERED: (12.567, 10.007, 24.013, 22.125),

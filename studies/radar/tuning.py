@@ -89,7 +89,7 @@ def tune(
     finished = len(study.get_trials(states=(optuna.trial.TrialState.COMPLETE,)))
     if not finished:
         study.enqueue_trial({key: start for key, (_, start) in contender.space.items()})
-    for number in range(finished, min(trials, contender.trials or trials)):
+    for number in range(finished, trials):
         study.sampler = optuna.samplers.TPESampler(seed=(seed * 100_003 + number) % 2**32)
         trial = study.ask({key: law for key, (law, _) in contender.space.items()})
         study.tell(trial, cost(trial.params))

@@ -20,7 +20,7 @@ class Target(NamedTuple):
 
     # [m/s]
     speed: float
-    # Of its turns [m].
+    # Radius of its turns [m].
     radius: float
     # Tick [s].
     tau: float

@@ -219,7 +219,7 @@ def compare(world: str, results: Sequence[Statements], deciders: Sequence[str]) 
                 "right_less_first": less.get("agreement"),
                 "wrong_less_first": less.get("false_changes"),
                 "shortest": int(min(of_track["shortest"] for of_track in of_tracks)),
-                # Of the sum over all recordings, which is the mean times their number.
+                # From the sum over all recordings, which is the mean times their number.
                 "hourly": scores.scores[decider].of("false", 0).sum() / hours,
                 # As in HybridTrackQuickest-v0.
                 "reward": values["agreement"].value - 0.005 * values["false_changes"].value,

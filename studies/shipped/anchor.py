@@ -23,7 +23,7 @@ from studies.shipped.explorer import Count, Explorer, FloatArray, WorldsAlgorith
 
 Float32Array = NDArray[np.float32]
 IntArray = NDArray[np.int64]
-# Of the true state in a row of the trace.
+# Places of the true state in a row of the trace.
 TRUTH = slice(4)
 
 
@@ -131,7 +131,7 @@ def samples_of(
     tracks = env.num_envs
     anchors: list[Float32Array] = []
     regrets: list[Float32Array] = []
-    # Of the anchor in the heading frame, where a segment begins.
+    # Errors of the anchor in the heading frame, where a segment begins.
     errors = np.zeros((tracks, 4))
     # Inputs for the last declaration of each track, if there is one.
     declared = np.zeros((tracks, explorer.agent.net.regret.inputs), np.float32)

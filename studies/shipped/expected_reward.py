@@ -30,7 +30,7 @@ class ExpectedRewardSettings(NetworkSettings):
 
     # Ticks of an update; gradients do not reach back beyond its first tick.
     n_steps: Annotated[int, Ge(1)]
-    # Of the cross-entropy of the present mode, in addition to the reward.
+    # Weight of the cross-entropy of the present mode, in addition to the reward.
     belief_weight: Annotated[float, Ge(0.0)]
 
 

@@ -34,7 +34,7 @@ def draw_world(generator: Generator, radii_count: int, beyond: float = 1.0) -> d
     spread = between(1.5, 25.0) if radii_count > 1 else 1.0
     motion = 0.0
     turn = 0.0
-    # Of the widest turn from a straight line after half a segment, over sqrt(R).
+    # The distance of the widest turn from a straight line after half a segment, over sqrt(R).
     while motion * turn / spread * (shortest + longest) ** 2 / 32.0 < 3.0:
         # Distance per tick over the deviation of a measurement.
         motion = between(0.08, 8.0)

@@ -2,25 +2,31 @@
 whose agent decides as the trained one.
 """
 
-import functools
-
 import numpy as np
 import pytest
 import torch
 from scipy.stats import multivariate_normal
-from small_training import PUBLISHED, QUICK, SCHEME, STEPS, interrupt_at, log_often, outcome
+from small_training import (
+    PUBLISHED,
+    QUICK,
+    SCHEME,
+    STEPS,
+    assert_folder_decides_as,
+    interrupted,
+    log_often,
+    outcome,
+    small_run,
+    whole_runs,
+)
 
-from agents import find_decider, load_recipe
-from agents.training.runs import make_run, resume_run
-from baselines import record_statements
-from baselines.rules.rollout import evaluate
+from agents.training.runs import resume_run
 from studies.shipped.anchor import anchor_loss
 
 QUICKEST = "HybridTrackQuickest-v0"
 SMALL_RHYTHM = ("n_envs=8", "batch_size=8", "n_steps=25", "hidden=6", "ticks=50")
 KINDS = {
     "anchor": (
-        "anchor",
+        "studies/shipped/anchor.yml",
         PUBLISHED,
         SCHEME,
         (
@@ -33,7 +39,7 @@ KINDS = {
         ),
     ),
     "stopping": (
-        "stopping",
+        "studies/shipped/stopping.yml",
         PUBLISHED,
         SCHEME,
         (
@@ -44,22 +50,20 @@ KINDS = {
         ),
     ),
     "statements": (
-        "rhythm",
+        "studies/shipped/rhythm.yml",
         QUICKEST,
         QUICK,
         (*SMALL_RHYTHM, "durations=[uniform 5-20, geometric 30]", "habits=false"),
     ),
-    "rhythm": ("rhythm", QUICKEST, QUICK, (*SMALL_RHYTHM, "durations=[drawn, geometric 30]")),
+    "rhythm": (
+        "studies/shipped/rhythm.yml",
+        QUICKEST,
+        QUICK,
+        (*SMALL_RHYTHM, "durations=[drawn, geometric 30]"),
+    ),
 }
 """Recipe, environment, its options and changed hyper-parameters."""
 TRAINED = ("anchor", "stopping", "rhythm")
-
-
-def small_run(kind, folder=None, steps=STEPS):
-    """A new run."""
-    recipe, env, options, changes = KINDS[kind]
-    loaded = load_recipe(f"studies/shipped/{recipe}.yml", env, changes)
-    return make_run(f"hybrid_env:{env}", options, loaded, 3, folder, steps)
 
 
 @pytest.fixture(autouse=True)
@@ -70,43 +74,25 @@ def _small_evaluations(monkeypatch):
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    """The run of an uninterrupted training of a kind, made once."""
-
-    @functools.cache
-    def run_of(kind):
-        run = small_run(kind, tmp_path_factory.mktemp("whole") / kind)
-        run.train()
-        return run
-
-    return run_of
+    return whole_runs(tmp_path_factory.mktemp("whole"), KINDS)
 
 
 @pytest.mark.parametrize("kind", TRAINED)
 def test_a_resumed_run_equals_an_uninterrupted_one(kind, whole, tmp_path):
-    run = small_run(kind, tmp_path / "run")
-    with pytest.raises(KeyboardInterrupt):
-        run.train(interrupt_at(STEPS // 2 + 1), save_every=0.0)
-    resume_run(tmp_path / "run").train(save_every=1000.0)
+    folder = interrupted(kind, tmp_path / "run", STEPS // 2 + 1, KINDS)
+    resume_run(folder).train(save_every=1000.0)
 
-    assert outcome(tmp_path / "run") == outcome(whole(kind).folder)
+    assert outcome(folder) == outcome(whole(kind).folder)
 
 
 @pytest.mark.parametrize("kind", TRAINED)
 def test_the_agent_of_a_run_folder_decides_as_the_trained_one(kind, whole):
-    run = whole(kind)
-    options = KINDS[kind][2]
-    decided = [
-        record_statements(decider, 3, 3, **options).stated_modes
-        if KINDS[kind][1] == QUICKEST
-        else evaluate(decider, run.env_id, 3, 1, **options).ticks
-        for decider in (find_decider(str(run.folder), run.world), run.agent(""))
-    ]
-    np.testing.assert_array_equal(*decided)
+    assert_folder_decides_as(whole(kind), KINDS[kind][2])
 
 
 def test_training_increases_the_expected_reward():
     rewards = []
-    run = small_run("statements", steps=1)
+    run = small_run("statements", steps=1, kinds=KINDS)
     run.steps = 40 * run.round_steps
     run.train(lambda progress: rewards.append(progress.reward))
 
@@ -114,7 +100,7 @@ def test_training_increases_the_expected_reward():
 
 
 def test_the_loss_of_the_anchors_is_the_density_of_the_mixture():
-    net = small_run("anchor").net.anchor
+    net = small_run("anchor", kinds=KINDS).net.anchor
     torch.nn.init.normal_(net.output.weight, std=0.02)
     inputs, errors = torch.randn(5, net.inputs), torch.randn(5, 4)
     with torch.no_grad():

@@ -6,7 +6,7 @@ import torch
 
 from agents import load_recipe
 from agents.training.runs import make_run
-from baselines.rules.rollout import evaluate
+from baselines.rules.rollout import record_decisions
 from studies.shipped.stopping import expected_reward, paths_of
 from studies.shipped.test_shipped import small_run
 
@@ -81,7 +81,7 @@ def test_the_stop_is_trained_for_a_delay_cost():
     rewards = []
     for train in (lambda: None, run.train):
         train()
-        decisions = evaluate(run.agent("").at(0.0), ENV, 100, 5, delay_cost=0.1)
+        decisions = record_decisions(run.agent("").at(0.0), ENV, 100, 5, delay_cost=0.1)
         rewards.append(decisions.reward)
     gain = rewards[1] - rewards[0]
 

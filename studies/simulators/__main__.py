@@ -64,7 +64,7 @@ class Simulators:
         seed = self.seed
         if self.sealed:
             unbroken_seal(SEAL)
-            # Of the first closed path.
+            # Seed of the first closed path.
             seed = 7_000_000_000
         episodes = 2 if self.quick else self.episodes
         places = worlds(self.simulators, self.quick)

@@ -56,7 +56,7 @@ class LikeliestNoise:
             self.layout.read(rows, f"innovation_{axis}") ** 2 for axis in ("along", "across")
         )
         logs = -0.5 * squares - self.layout.read(rows, "log_variance")
-        # Of 50 ticks, with an exponential memory.
+        # Evidence of 50 ticks, with an exponential memory.
         self.evidence = (1.0 - 1.0 / 50.0) * self.evidence + logsumexp(logs, axis=-1, b=prior)
         return rows[self.evidence.argmax(0), np.arange(rows.shape[1])]
 

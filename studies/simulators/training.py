@@ -25,7 +25,7 @@ from studies.simulators.given_tracks import GivenTracks
 class InexactSettings(StatementSettings):
     """Hyper-parameters of the agent for objects that move otherwise than told."""
 
-    # Of every round, new ones in each.
+    # Worlds of a round, new ones in each.
     worlds: Annotated[int, Ge(1)]
     durations: tuple[str, ...] = ()
 
@@ -150,7 +150,7 @@ def inexact_paths(
     first = np.zeros((tracks, 4))
     first[:, 1], first[:, 3] = (options.speed * speed * part(heading) for part in (np.cos, np.sin))
     wanted = speed.copy()
-    # Of the curvature of a turn over that told.
+    # Curvature of a turn over that told.
     factor = np.ones(tracks)
     curvature = curvatures[modes[0]]
     weave = np.zeros(tracks)

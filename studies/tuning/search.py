@@ -93,9 +93,9 @@ class Search:
     changes: tuple[str, ...]
     # What is searched.
     ranges: Ranges
-    # Of the trainings and of the proposals.
+    # Seed of the trainings and of the proposals.
     seed: int
-    # Of a training; None uses those of the recipe.
+    # Environment steps of a training; None uses those of the recipe.
     steps: int | None
 
     def entry(self, changes: Sequence[str]) -> dict[str, Any]:
@@ -135,8 +135,9 @@ class Search:
         return *self.changes, *changes
 
 
-# Of a trial: mean rewards of recent segments or ticks in training, at up to `POINTS` equal parts of
-# it; that of the agent afterwards, None if the training ended early; why it could not be trained.
+# What a trial tells: mean rewards of recent segments or ticks in training, at up to `POINTS` equal
+# parts of it; that of the agent afterwards, None if the training ended early; why it could not be
+# trained.
 Outcome = tuple[list[float], float | None, str]
 
 
@@ -195,7 +196,7 @@ def open_study(search: Search, folder: Path) -> optuna.Study:
         study.enqueue_trial(search.first_values())
     elif settings != repr(search):
         raise ArgumentError(f"out={folder}: expected the flags with which its search began")
-    # Of a killed search.
+    # A killed search leaves trials that run.
     for trial in study.get_trials(deepcopy=False, states=(TrialState.RUNNING,)):
         study.tell(trial.number, state=TrialState.FAIL)
         study.enqueue_trial(trial.system_attrs.get("fixed_params", {}) | trial.params)

@@ -3,7 +3,7 @@
 import pytest
 from declared import refuse_beyond
 
-from agents.algorithms import algorithm_names, find_algorithm
+from agents.learned.algorithm_names import algorithm_names, find_algorithm
 from agents.training.recipe import load_recipe, recipe_names
 
 

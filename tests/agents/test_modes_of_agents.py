@@ -8,12 +8,12 @@ import pytest
 from own_modes import Halt
 from small_training import KINDS
 
-from agents.commands.compare import Compare
+from agents.comparison.plan import Plan
 from agents.evaluation.registry import find_decider
 from agents.evaluation.task import task_of
 from agents.training.recipe import load_recipe
 from agents.training.runs import make_run
-from baselines.rules.rollout import evaluate
+from baselines.rules.rollout import record_decisions
 from hybrid_env import ArgumentError, WorldOptions
 from hybrid_env.modes import LinearMode, Straight
 
@@ -54,7 +54,9 @@ def test_a_policy_declares_the_types_of_the_modes(tmp_path):
     options = WorldOptions(modes=modes)
     decider = find_decider(str(tmp_path / "run"), options)
     assert decider.actor.actions == 4
-    decisions = evaluate(decider.at(-30.0), episodes=3, modes=modes, scheme="random 2x20-30")
+    decisions = record_decisions(
+        decider.at(-30.0), episodes=3, modes=modes, scheme="random 2x20-30"
+    )
     assert set(np.unique(decisions.decided_mode)) <= set(range(4))
 
 
@@ -79,6 +81,6 @@ def test_deciders_of_turns_refuse_modes_by_name(name):
 
 def test_the_usual_deciders_apply_to_the_modes():
     for env, given in ((ENVS[False], {}), (ENVS[True], {"ticks": 60})):
-        command = Compare(env=env, modes=MODES, **given).plan()
+        command = Plan(env=env, modes=MODES, **given).completed()
         assert "shipped" not in command.deciders
         assert len(command.looked_up) > 3

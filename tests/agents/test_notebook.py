@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.study
-# Of Jupyter's own packages.
+# Jupyter's own packages warn.
 @pytest.mark.filterwarnings("ignore")
 def test_the_notebook_runs_and_stores_no_output(monkeypatch, tmp_path):
     nbformat = pytest.importorskip("nbformat")

@@ -6,7 +6,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from hybrid_env import HybridTrackEnv, HybridTrackQuickestEnv, HybridTrackVectorEnv
+from hybrid_env import HybridTrackEnv, HybridTrackQuickestEnv
 from hybrid_env.checks import ArgumentError
 from hybrid_env.registration import ENVIRONMENTS
 
@@ -93,29 +93,6 @@ def test_statements_hold_for_so_many_ticks():
             assert reward == sum(rewards)
         assert ended
         assert steps == -(-ticks // every)
-
-
-@pytest.mark.parametrize("options", ANNOUNCED)
-def test_a_vector_equals_single_environments(options):
-    options = options | {"decide_every": 4}
-    vector = HybridTrackVectorEnv(3, **options)
-    rows, _ = vector.reset(seed=5)
-    singles = [HybridTrackEnv(**options) for _ in range(3)]
-    single_rows = [env.reset(seed=5 + i)[0] for i, env in enumerate(singles)]
-    ended = np.zeros(3, bool)
-    generator = np.random.default_rng(0)
-    for _ in range(60):
-        np.testing.assert_array_equal(rows, single_rows)
-        waits = generator.random(3) < 0.6
-        actions = np.where(waits, 0, generator.integers(vector.single_action_space.n, size=3))
-        rows, rewards, terminated, *_ = vector.step(actions)
-        for i, env in enumerate(singles):
-            if ended[i]:
-                single_rows[i], ended[i] = env.reset()[0], False
-            else:
-                single_rows[i], reward, ended[i], *_ = env.step(int(actions[i]))
-                assert reward == rewards[i]
-        np.testing.assert_array_equal(ended, terminated)
 
 
 @pytest.mark.parametrize(

@@ -54,7 +54,7 @@ def test_streams_of_neighbouring_seeds_and_lanes_are_uncorrelated(seeds, ticks):
         for distance, lag in itertools.product((1, 2, LANES), (0, 1, -1)):
             ahead = values[max(lag, 0) : ticks + min(lag, 0), :, distance:]
             behind = values[max(-lag, 0) : ticks - max(lag, 0), :, : seeds - distance]
-            # Of every pair of neighbours.
+            # Products of every pair of neighbours.
             pairs = (ahead * behind).mean((0, 1))
             error = 1.0 / math.sqrt(4 * ahead.shape[0])
             assert np.abs(pairs).max() < 5.0 * error, (distance, lag)

@@ -61,10 +61,11 @@ class SquareRootFilter:
         self.x, self.S = x + gain @ white, after[2:, 2:].T
 
 
-# Of position and velocity at the start, of the velocity in a tick, and of a measurement, and the
-# tolerances of both banks. The corrected position has at most a hundred-millionth of the variance
-# before; the anchor-aware bank loses digits of it in the slopes of its extended Kalman filter. In
-# each of 120 ticks it also widens the variances by 1e-14, so that no covariance is negative.
+# Variances of position and velocity at the start, of the velocity in a tick, and of a measurement,
+# and the tolerances of both banks. The corrected position has at most a hundred-millionth of the
+# variance before; the anchor-aware bank loses digits of it in the slopes of its extended Kalman
+# filter. In each of 120 ticks it also widens the variances by 1e-14, so that no covariance is
+# negative.
 SINGULAR = [
     (1.0, 0.001, 0.1, {"published": 1e-12, "anchor_aware": 1e-11}),
     (1e-8, 0.0, 1.0, {"published": 1e-12, "anchor_aware": 1e-11}),

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 REPETITIONS = 7
-# Of one measurement, about.
+# Length of one measurement, about.
 SECONDS = 0.05
-# Of one measurement by Gymnasium.
+# Length of one measurement by Gymnasium.
 WHOLE_SECONDS = 1
 
 

@@ -7,11 +7,11 @@ from PIL import Image
 
 import hybrid_env  # noqa: F401
 from agents import find_decider, task_of
-from agents.commands import play as play_command
-from agents.commands.play import Episodes, Play
+from agents.commands.play import Play
+from agents.evaluation import episodes as episodes_of
 from baselines.recordings.reading.read import read_recordings
 from baselines.rules.external import as_decider
-from baselines.rules.rollout import evaluate
+from baselines.rules.rollout import record_decisions
 from hybrid_env.checks import ArgumentError
 
 # fixed:5 waits for four ticks of each segment and declares at the fifth.
@@ -43,7 +43,7 @@ def play(env=DECLARED, **arguments):
 
 
 def use(monkeypatch, decider):
-    monkeypatch.setattr(play_command, "load_decider", lambda *_: as_decider(decider))
+    monkeypatch.setattr(episodes_of, "load_decider", lambda *_: as_decider(decider))
 
 
 def test_a_gif_has_one_frame_for_each_reset_and_step(tmp_path):
@@ -96,8 +96,8 @@ def test_closing_the_window_ends_the_command(monkeypatch):
 def test_an_episode_is_the_one_that_is_evaluated(name):
     """Also of a decider that reads every tick, where a decision is asked for every few ticks."""
     task = task_of("hybrid_env:HybridTrack-v0", {"scheme": "S20 L25r5 S20"})
-    episodes = Episodes(task, name)
+    episodes = episodes_of.Episodes(task, name)
     list(episodes.play(3))
     decider = find_decider(name, task.options)
-    expected = evaluate(decider, task.env_id, 1, 3, **task.given)
+    expected = record_decisions(decider, task.env_id, 1, 3, **task.given)
     assert sum(reward for _, reward in episodes.rewards) == pytest.approx(expected.reward.sum())

@@ -5,14 +5,16 @@ import functools
 import numpy as np
 import pytest
 
-from agents.commands.play import Episodes
+from agents.evaluation.episodes import Episodes
 from agents.evaluation.task import task_of
 from agents.figures.tracks import UNDECIDED
 from baselines import SPRTDecider, ThresholdDecider, record_statements
 from baselines.rules import rollout
 from baselines.scoring.statements import measure_statements
 
-evaluate = functools.partial(rollout.evaluate, env_id="hybrid_env:HybridTrackPublished-v0")
+record_decisions = functools.partial(
+    rollout.record_decisions, env_id="hybrid_env:HybridTrackPublished-v0"
+)
 
 ENV = "hybrid_env:HybridTrackPublished-v0"
 STATED_ENV = "hybrid_env:HybridTrackQuickest-v0"
@@ -25,7 +27,7 @@ def record_track(name, rule, env_id, **options):
 
 def test_a_recorded_episode_agrees_with_the_evaluation():
     decider = SPRTDecider(1e-3)
-    decisions = evaluate(decider, episodes=4, seed=10)
+    decisions = record_decisions(decider, episodes=4, seed=10)
     record = record_track("ATE", decider, ENV)
 
     np.testing.assert_array_equal(record.right[record.marks], decisions.correct[2])

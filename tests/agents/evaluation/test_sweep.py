@@ -6,7 +6,7 @@ import pytest
 from agents.evaluation.registry import find_decider
 from agents.evaluation.task import sweep, task_of
 from baselines import FixedTimeDecider, ThresholdDecider, measure_statements, record_statements
-from baselines.rules.rollout import evaluate
+from baselines.rules.rollout import record_decisions
 
 ANNOUNCED = task_of("hybrid_env:HybridTrackPublished-v0", {"scheme": "random 3x20-40"})
 UNKNOWN = task_of("hybrid_env:HybridTrackQuickest-v0", {"ticks": 120, "durations": "uniform 20-40"})
@@ -19,7 +19,9 @@ CASES = [(ANNOUNCED, FIXED), (UNKNOWN, ThresholdDecider().changed(thresholds=(0.
 def test_scores_of_announced_switches_are_those_of_recorded_decisions():
     scores = sweep(ANNOUNCED, FIXED, 20, 3)
     for index, ticks in enumerate((5, 20)):
-        decisions = evaluate(FixedTimeDecider(ticks), ANNOUNCED.env_id, 20, 3, **ANNOUNCED.given)
+        decisions = record_decisions(
+            FixedTimeDecider(ticks), ANNOUNCED.env_id, 20, 3, **ANNOUNCED.given
+        )
         np.testing.assert_array_equal(scores.values[..., index], decisions.values)
 
 

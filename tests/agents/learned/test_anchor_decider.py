@@ -15,7 +15,9 @@ from baselines import SPRTDecider
 from baselines.rules import rollout
 from hybrid_env import HybridTrackVectorEnv, Layout, WorldOptions
 
-evaluate = functools.partial(rollout.evaluate, env_id="hybrid_env:HybridTrackPublished-v0")
+record_decisions = functools.partial(
+    rollout.record_decisions, env_id="hybrid_env:HybridTrackPublished-v0"
+)
 
 TRACKS, TICKS = 16, 80
 
@@ -155,9 +157,9 @@ def test_without_a_trained_stop_the_probability_of_an_error_is_compared_with_the
 
 def test_the_shipped_agent_beats_the_sprt_at_any_threshold():
     given = {"env_id": "HybridTrackPublished-v0", "episodes": 100, "seed": 50}
-    reward = evaluate(load_decider("shipped", WorldOptions()), **given).reward.mean(1)
+    reward = record_decisions(load_decider("shipped", WorldOptions()), **given).reward.mean(1)
     for alpha in (1e-2, 1e-6):
-        gain = reward - evaluate(SPRTDecider(alpha), **given).reward.mean(1)
+        gain = reward - record_decisions(SPRTDecider(alpha), **given).reward.mean(1)
         assert gain.mean() > 4 * gain.std() / 10
 
 

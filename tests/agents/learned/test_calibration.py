@@ -47,6 +47,6 @@ def test_every_bin_of_the_stated_probability_is_within_three_points(R, segments)
         count = chosen.sum()
         if count >= 100:
             mean = stated[chosen].mean()
-            # Of the sample.
+            # Four standard errors of the sample.
             error = 4 * np.sqrt(mean * (1 - mean) / count)
             assert abs(mean - right[chosen].mean()) <= 0.03 + error

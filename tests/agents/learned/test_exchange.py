@@ -1,9 +1,12 @@
 """Policies of other libraries: the zip of Stable-Baselines3 without unpickling, and ONNX."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 import torch
-from hostile_policies import ENV, OPTIONS, node, rows, write_onnx
+from hostile_policies import ENV, OPTIONS, rows
 from sb3_contrib import QRDQN, RecurrentPPO
 from stable_baselines3 import A2C, DQN, PPO
 from stable_baselines3.common.torch_layers import FlattenExtractor
@@ -69,19 +72,27 @@ def test_layers_of_ones_own_need_trust(tmp_path, monkeypatch):
         )
 
 
-def test_an_onnx_file_of_logits_or_of_actions_decides(tmp_path):
-    pytest.importorskip("onnxruntime")
-    onnx = pytest.importorskip("onnx")
-    weights = {"weight": np.random.default_rng(0).normal(size=(29, 4)).astype(np.float32)}
-    logits = node("MatMul", "x weight", "y")
-    actions = [
-        node("MatMul", "x weight", "logits"),
-        node("ArgMax", "logits", "y", axis=1, keepdims=0),
-    ]
-    write_onnx(tmp_path / "logits.onnx", [logits], weights)
-    write_onnx(tmp_path / "actions.onnx", actions, weights, ["N"], onnx.TensorProto.INT64)
-    for name in ("logits", "actions"):
-        decider = find_decider(str(tmp_path / f"{name}.onnx"), OPTIONS).at(0.0)
+# The exporter that needs no further package.
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_an_exported_network_decides_by_the_program_of_the_page(tmp_path, monkeypatch):
+    for package in ("onnx", "onnxruntime"):
+        pytest.importorskip(package)
+    page = (Path(__file__).parents[3] / "docs/deciders.md").read_text(encoding="utf-8")
+    [program] = re.findall(r"```python\n(import onnxruntime.*?)```", page, re.DOTALL)
+    (tmp_path / "exported.py").write_text(program)
+    network = torch.nn.Linear(29, 4)
+    monkeypatch.chdir(tmp_path)
+    torch.onnx.export(
+        network,
+        (torch.zeros(3, 29),),
+        "policy.onnx",
+        dynamo=False,
+        dynamic_axes={"rows": {0: "N"}},
+        input_names=["rows"],
+    )
+    for margin in (0.0, 2.0):
+        decider = find_decider(f"exported.py:network:{margin}", OPTIONS)
         for seen in rows(3):
-            expected = (seen @ weights["weight"]).argmax(1)
-            np.testing.assert_array_equal(decider.predict(seen)[0], expected)
+            logits = network(torch.from_numpy(seen)).detach().numpy()
+            logits[:, 0] += margin
+            np.testing.assert_array_equal(decider.predict(seen)[0], logits.argmax(1))

@@ -4,7 +4,6 @@ and memory.
 
 import pickle
 import sys
-import warnings
 import zipfile
 
 import gymnasium as gym
@@ -12,19 +11,7 @@ import numpy as np
 import pytest
 import torch
 from hostile_input import accepted, refused
-from hostile_policies import (
-    ENV,
-    HOSTILE_ONNX,
-    HOSTILE_ZIPS,
-    OPTIONS,
-    WIDTH,
-    actor_weights,
-    network,
-    node,
-    rows,
-    write_onnx,
-    write_zip,
-)
+from hostile_policies import ENV, HOSTILE_ZIPS, OPTIONS, WIDTH, actor_weights, rows, write_zip
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecNormalize
 
@@ -41,72 +28,6 @@ def test_a_hostile_zip_is_refused_in_one_line(kind, tmp_path):
     assert accepted(lambda: refused(find_decider, str(path), OPTIONS)).startswith(
         ("decider=", "model.zip: ")
     )
-
-
-@pytest.mark.parametrize("kind", HOSTILE_ONNX)
-def test_a_hostile_onnx_file_is_refused_in_one_line(kind, tmp_path):
-    pytest.importorskip("onnxruntime")
-    pytest.importorskip("onnx")
-    path = write_onnx(tmp_path / "policy.onnx", **HOSTILE_ONNX[kind]())
-
-    assert accepted(lambda: refused(find_decider, str(path), OPTIONS)).startswith(
-        ("decider=", "policy.onnx: ")
-    )
-
-
-def test_an_onnx_file_larger_than_the_bound_is_refused_before_it_is_parsed(tmp_path):
-    pytest.importorskip("onnxruntime")
-    pytest.importorskip("onnx")
-    path = tmp_path / "policy.onnx"
-    # A graph of empty nodes, two bytes each.
-    path.write_bytes(b"\x3a\x80\x80\x80\x08" + b"\x0a\x00" * 2**23)
-
-    assert "external data" in accepted(lambda: refused(find_decider, str(path), OPTIONS))
-
-
-def test_weights_of_an_onnx_file_may_lie_beside_it_but_not_elsewhere(tmp_path):
-    pytest.importorskip("onnxruntime")
-    onnx = pytest.importorskip("onnx")
-    path = write_onnx(tmp_path / "policy.onnx", [node("MatMul", "x w", "y")], {"w": network()["w"]})
-    inside = find_decider(str(path), OPTIONS).at(0.0)
-    onnx.save(
-        onnx.load(path), path, save_as_external_data=True, location="weights.data", size_threshold=0
-    )
-    outside = find_decider(str(path), OPTIONS).at(0.0)
-    for seen in rows(2):
-        np.testing.assert_array_equal(inside.evidence(seen), outside.evidence(seen))
-    (tmp_path / "inner").mkdir()
-    model = onnx.load(path, load_external_data=False)
-    model.graph.initializer[0].external_data[0].value = "../weights.data"
-    other = tmp_path / "inner" / "policy.onnx"
-    other.write_bytes(model.SerializeToString())
-    accepted(lambda: refused(find_decider, str(other), OPTIONS))
-
-
-def test_exports_of_pytorch_are_accepted(tmp_path):
-    pytest.importorskip("onnxruntime")
-    pytest.importorskip("onnx")
-    net = torch.nn.Sequential(
-        torch.nn.LayerNorm(WIDTH),
-        torch.nn.GELU(),
-        torch.nn.Linear(WIDTH, 4),
-        torch.nn.LogSoftmax(-1),
-    ).eval()
-    path = tmp_path / "policy.onnx"
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        torch.onnx.export(
-            net,
-            (torch.zeros(3, WIDTH),),
-            path,
-            dynamo=False,
-            input_names=["rows"],
-            dynamic_axes={"rows": {0: "N"}},
-        )
-    decider = find_decider(str(path), OPTIONS)
-    for seen in rows(2):
-        expected = net(torch.from_numpy(seen)).detach().numpy()
-        np.testing.assert_allclose(decider.logits(seen)[0], expected, atol=1e-5)
 
 
 @pytest.fixture(scope="module")

@@ -79,7 +79,7 @@ def trained(request, tmp_path_factory):
 def saved(trained, tmp_path):
     for name in (CARD, WEIGHTS):
         shutil.copy(trained / name, tmp_path)
-    # Also compiles, which takes longer than an example may.
+    # It compiles too, which takes longer than an example may.
     decide(tmp_path)
     return tmp_path
 

@@ -9,7 +9,7 @@ from small_training import small_run
 
 from agents.evaluation.registry import load_decider, shipped_names
 from baselines.rules.decider import ANNOUNCED, UNKNOWN
-from baselines.rules.rollout import evaluate, record_statements
+from baselines.rules.rollout import record_decisions, record_statements
 from hybrid_env import QuickestOptions, WorldOptions
 
 AGENTS = [(name, task) for task in (ANNOUNCED, UNKNOWN) for name in shipped_names(task)]
@@ -30,7 +30,9 @@ def set_defaults():
 def results(name, task):
     """What an agent of the package decides in a few episodes."""
     if task == ANNOUNCED:
-        return np.asarray(evaluate(load_decider(name, WorldOptions()), episodes=2, seed=3).ticks)
+        return np.asarray(
+            record_decisions(load_decider(name, WorldOptions()), episodes=2, seed=3).ticks
+        )
     options = {"ticks": 25, "durations": "uniform 8-12"}
     decider = load_decider(name, QuickestOptions(**options))
     return np.asarray(record_statements(decider, 2, 5, **options).stated_modes)

@@ -8,8 +8,8 @@ import sys
 import pytest
 from small_training import SCHEME
 
-from agents.algorithms import algorithm_names, find_algorithm
 from agents.evaluation.registry import find_decider
+from agents.learned.algorithm_names import algorithm_names, find_algorithm
 from agents.training.recipe import load_recipe
 from agents.training.runs import make_run, resume_run
 from hybrid_env import ArgumentError, WorldOptions

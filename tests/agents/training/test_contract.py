@@ -2,7 +2,6 @@
 and its folder holds the agent that it has trained.
 """
 
-import functools
 import json
 import os
 import pickle
@@ -16,16 +15,22 @@ import numpy as np
 import pytest
 import small_training
 import torch
-from small_training import KINDS, STEPS, interrupted, log_often, outcome, small_run
+from small_training import (
+    KINDS,
+    STEPS,
+    assert_folder_decides_as,
+    interrupted,
+    log_often,
+    outcome,
+    whole_runs,
+)
 
-from agents.algorithms import algorithm_names
-from agents.evaluation.registry import learned_decider
+from agents.learned.algorithm_names import algorithm_names
 from agents.training.checkpoint import CHECKPOINT, read_checkpoint, write_checkpoint
 from agents.training.recipe import load_recipe
 from agents.training.run_folder import CONFIG, read_metrics
 from agents.training.runs import make_run, resume_run
-from baselines.rules.rollout import evaluate, record_statements
-from hybrid_env import QuickestOptions, WorldOptions
+from baselines.rules.rollout import record_decisions
 from hybrid_env.checks import ArgumentError
 
 ENV = "hybrid_env:HybridTrackPublished-v0"
@@ -41,15 +46,7 @@ def _small_evaluations(monkeypatch):
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    """The folder and the run of an uninterrupted training of a kind, made once."""
-
-    @functools.cache
-    def run_of(kind):
-        run = small_run(kind, tmp_path_factory.mktemp("whole") / kind)
-        run.train()
-        return run
-
-    return run_of
+    return whole_runs(tmp_path_factory.mktemp("whole"))
 
 
 def start(kind, folder, steps, save_every=0.05):
@@ -88,21 +85,13 @@ def test_a_resumed_run_equals_an_uninterrupted_one(kind, whole, tmp_path):
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_run_folder_has_card_metrics_and_an_equivalent_decider(kind, whole):
     run = whole(kind)
-    folder = run.folder
-    card = json.loads((folder / "policy.json").read_text())
+    card = json.loads((run.folder / "policy.json").read_text())
     recipe, env, options, _ = KINDS[kind]
 
     assert card["environment"] == f"hybrid_env:{env}"
     name = Path(recipe).stem
     assert (card["options"], card["recipe"]["name"], card["seed"]) == (options, name, 3)
-    world = (QuickestOptions if "Quickest" in env else WorldOptions)(**options)
-    decided = [
-        record_statements(decider, 3, 3, **options).stated_modes
-        if "Quickest" in env
-        else evaluate(decider, ENV, 3, 1, **options).ticks
-        for decider in (learned_decider(folder, world), run.agent(""))
-    ]
-    np.testing.assert_array_equal(*decided)
+    assert_folder_decides_as(run, options)
 
 
 @pytest.mark.study
@@ -188,7 +177,7 @@ def test_weights_that_diverge_are_not_saved(tmp_path):
 def test_ppo_learns_to_wait_and_beats_immediate_declarations():
     run = make_run(ENV, {}, load_recipe("ppo", ENV), seed=1, steps=300_000)
     run.train()
-    decisions = evaluate(run.agent("").at(0.0), ENV, episodes=150, seed=5)
+    decisions = record_decisions(run.agent("").at(0.0), ENV, episodes=150, seed=5)
     # Immediate declarations earn -.35, no declarations -.50; the standard error of 900 segments is
     # about .03.
     assert decisions.reward.mean() > 0.2

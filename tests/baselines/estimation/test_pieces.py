@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from baselines.estimation.pieces import BLOCK, PieceSmoother
+from baselines.estimation.pieces import PIECE_TICKS, PieceSmoother
 from baselines.recordings.track_modes import in_units
 from hybrid_env import simulate
 from hybrid_env.modes import motion_table, parse_modes
@@ -68,11 +68,11 @@ def test_straight_motion_and_a_stop_are_one_linear_regression():
 @pytest.mark.parametrize("freedom", [0.0, 4.0])
 def test_estimates_along_turns_are_calibrated(freedom):
     motions = motion_table(parse_modes("straight, left 50, right 50"), 1.0, 0.01)
-    pieces = np.array([[0, 60, 1], [60, 100, 0], [100, BLOCK + 88, 2]])
+    pieces = np.array([[0, 60, 1], [60, 100, 0], [100, PIECE_TICKS + 88, 2]])
     squares = []
     for seed in range(4):
         run = simulate(
-            f"L60r60 S40 R{BLOCK - 12}r40",
+            f"L60r60 S40 R{PIECE_TICKS - 12}r40",
             seed=seed,
             tau=1.0,
             start=(0.0, 3.0, 0.0, 4.0),

@@ -11,12 +11,12 @@ from scipy.linalg import expm
 
 from baselines.estimation.turn_tracks import TurnTracks
 from baselines.estimation.turns import (
-    Turn,
+    TurnEstimate,
     TurnFilter,
     begin_turn,
-    predict_turn,
     turn_matrix,
     turn_of,
+    turned_estimate,
 )
 from hybrid_env import QuickestOptions, WorldOptions, simulate
 
@@ -60,7 +60,7 @@ def test_an_object_without_noise_moves_like_the_filter(word, radius):
         np.array([1.0, 2.0, 0.0, 1.5]), np.zeros((4, 4)), 1 / radius, 0.0
     )
     for k in range(25):
-        moved, predicted = predict_turn(state, covariance, 0.1 * (k + 1))
+        moved, predicted = turned_estimate(state, covariance, 0.1 * (k + 1))
         np.testing.assert_allclose(moved[[0, 2, 1, 3]], truth[k], atol=1e-10)
     np.testing.assert_allclose(predicted, 0.0, atol=1e-30)
 
@@ -89,7 +89,7 @@ def test_the_predicted_moments_are_those_of_moved_states():
     covariance = random_covariance([0.3, 0.3, 0.3, 0.3, 0.3, 0.3, 0.15])
     samples = 400_000
     moved = turned_states(draw(np.random.default_rng(4), STATE, covariance, samples), 2.0)
-    mean, predicted = predict_turn(STATE, covariance, 2.0)
+    mean, predicted = turned_estimate(STATE, covariance, 2.0)
 
     deviations = np.sqrt(np.diag(predicted))
     assert (np.abs(moved.mean(0) - mean) < 5 * deviations / np.sqrt(samples)).all()
@@ -105,7 +105,7 @@ def test_deviations_of_speed_and_radius_are_those_of_their_states():
     covariance = random_covariance([1.0, 1.0, 0.03, 0.03, 1.0, 1.0, 0.005])
     samples = 100_000
     states = draw(np.random.default_rng(5), STATE, covariance, samples)
-    turn = Turn(*turn_of(STATE, covariance))
+    turn = TurnEstimate(*turn_of(STATE, covariance))
     speeds = np.hypot(*states[:, 2:4].T)
     for values, value, deviation in (
         (speeds, turn.speed, turn.speed_deviation),

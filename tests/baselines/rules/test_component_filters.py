@@ -8,7 +8,7 @@ import numpy as np
 from matrix_filters import MatrixExtendedKalmanFilter
 from scipy.special import log_softmax, logsumexp
 
-from baselines.rules.component_filters import LAWS, ComponentFilters, speeds, stated_anchors
+from baselines.rules.component_filters import ASSUMED_LAWS, ComponentFilters, speeds, stated_anchors
 from baselines.rules.measurements import in_rows, observe_sensed, split_sensed
 from hybrid_env import HybridTrackVectorEnv, Layout, Radar, Sensor
 
@@ -80,7 +80,7 @@ def test_robust_filters_equal_matrix_filters():
     for track in range(4):
         of_track = world, begun[track], anchors.covariance[track, 0], measurements[:, track]
         by_law = []
-        for law in LAWS:
+        for law in ASSUMED_LAWS:
             each, outliers = zip(*(reference(*of_track, R, law) for R in axes), strict=True)
             by_law.append(law.log_prior + logsumexp(each, axis=0) - np.log(len(axes)))
             total += min(outliers)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from baselines import SPRTDecider
-from baselines.rules.rollout import evaluate
-from baselines.scoring.decisions import COLUMNS, RMSE, Decisions
+from baselines.rules.rollout import record_decisions
+from baselines.scoring.decisions import DECISION_COLUMNS, RMSE, Decisions
 from baselines.scoring.scores import Scores
 from hybrid_env import HybridTrackEnv, WorldOptions
 
@@ -13,7 +13,7 @@ ENV = "hybrid_env:HybridTrackPublished-v0"
 
 
 def test_evaluation_agrees_with_single_environments():
-    decisions = evaluate(SPRTDecider(0.01), ENV, episodes=4, seed=30)
+    decisions = record_decisions(SPRTDecider(0.01), ENV, episodes=4, seed=30)
     for i in range(4):
         env = HybridTrackEnv()
         decider = SPRTDecider(0.01)
@@ -40,12 +40,12 @@ def test_figures_of_an_episode_are_those_of_its_segments():
     error = np.array([[40.0, 120.0, 40.0, 120.0]])
     reward = WorldOptions().segment_reward(correct, 5 * ones)
     decisions = Decisions(correct, correct, 5 * ones, flags, zeros, zeros, length, error, reward)
-    values = dict(zip(COLUMNS, decisions.values[0], strict=True))
+    values = dict(zip(DECISION_COLUMNS, decisions.values[0], strict=True))
 
     assert values["accuracy"] == values["type_accuracy"] == 0.5
     assert values["reward"] == pytest.approx(-0.1)
     assert (values["wrong_after_correct"], values["after_correct"]) == (1, 1)
     assert (values["wrong_after_wrong"], values["after_wrong"]) == (1, 2)
-    scores = Scores("x", "k", (0.0,), COLUMNS, decisions.values[..., None])
+    scores = Scores("x", "k", (0.0,), DECISION_COLUMNS, decisions.values[..., None])
     # Over ticks, not over segments.
     assert scores.estimate(RMSE).value == pytest.approx(2.0)

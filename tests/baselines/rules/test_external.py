@@ -14,7 +14,9 @@ from baselines.rules import external, rollout
 from baselines.rules.external import find_external
 from hybrid_env import ArgumentError, WorldOptions
 
-evaluate = functools.partial(rollout.evaluate, env_id="hybrid_env:HybridTrackPublished-v0")
+record_decisions = functools.partial(
+    rollout.record_decisions, env_id="hybrid_env:HybridTrackPublished-v0"
+)
 
 OPTIONS = WorldOptions(scheme="random 2x20-25")
 SOURCE = '''
@@ -61,7 +63,7 @@ def source(tmp_path, monkeypatch):
 
 
 def played(decider):
-    return evaluate(decider, episodes=3, scheme=OPTIONS.scheme)
+    return record_decisions(decider, episodes=3, scheme=OPTIONS.scheme)
 
 
 def test_a_function_in_a_file_is_swept_and_equals_the_same_rule_of_the_package(source):
@@ -153,12 +155,12 @@ def test_a_rule_cannot_end_the_program(kind, message):
             raise kind
 
     with pytest.raises(ArgumentError, match=message):
-        evaluate(Ends(), episodes=1)
+        record_decisions(Ends(), episodes=1)
 
 
 def test_wrong_answers_are_refused():
     with pytest.raises(ArgumentError, match="3 integers from 0 to 3"):
-        evaluate(lambda rows: np.full(3, 4), episodes=3)
+        record_decisions(lambda rows: np.full(3, 4), episodes=3)
 
 
 def test_a_rule_that_asks_for_the_oracle_bank_is_marked():

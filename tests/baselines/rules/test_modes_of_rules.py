@@ -8,7 +8,7 @@ from scipy.special import softmax
 
 from baselines import BeamDecider, MSPRTDecider, record_statements
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, rules
-from baselines.rules.rollout import evaluate
+from baselines.rules.rollout import record_decisions
 from baselines.scoring.statements import measure_statements
 from hybrid_env import ArgumentError, HybridTrackVectorEnv, QuickestOptions, WorldOptions
 from hybrid_env.modes import LinearMode, Stop, Straight
@@ -30,7 +30,9 @@ def test_a_rule_decides_among_any_modes_or_refuses_them_in_one_line(task, name):
         decider = rule.create(options)
 
         def right():
-            return evaluate(decider, "hybrid_env:HybridTrack-v0", 40, **given).correct.mean()
+            return record_decisions(
+                decider, "hybrid_env:HybridTrack-v0", 40, **given
+            ).correct.mean()
     else:
         given |= {"ticks": 200, "durations": "uniform 50-70"}
         decider = rule.create(QuickestOptions(**given))
@@ -74,7 +76,7 @@ def test_a_rule_that_is_made_by_hand_gets_the_types_of_the_environment():
     given = {"modes": FIVE, "correctness": "type", "scheme": "random 3x60-60"}
     decider = MSPRTDecider(0.02, by="type")
     first, second = (
-        evaluate(each, "hybrid_env:HybridTrack-v0", 20, **given)
+        record_decisions(each, "hybrid_env:HybridTrack-v0", 20, **given)
         for each in (decider, decider.for_modes(WorldOptions(**given)))
     )
 

@@ -12,7 +12,9 @@ from baselines import GapDecider, MSPRTDecider
 from baselines.rules import rollout
 from hybrid_env import HybridTrackVectorEnv
 
-evaluate = functools.partial(rollout.evaluate, env_id="hybrid_env:HybridTrackPublished-v0")
+record_decisions = functools.partial(
+    rollout.record_decisions, env_id="hybrid_env:HybridTrackPublished-v0"
+)
 
 
 def test_rules_decide_as_posteriors_from_log_likelihoods():
@@ -44,7 +46,7 @@ def test_error_rate_is_close_to_alpha_if_the_posterior_is_exact():
     alpha = 0.05
     # The oracle bank has the exact posterior, so the error rate is at most alpha (Baum & Veeravalli
     # 1994).
-    decisions = evaluate(MSPRTDecider(alpha), episodes=1500, bank="oracle")
+    decisions = record_decisions(MSPRTDecider(alpha), episodes=1500, bank="oracle")
     decided = ~decisions.forced
     errors = int((~decisions.correct[decided]).sum())
     count = int(decided.sum())

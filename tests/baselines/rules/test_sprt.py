@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from baselines import FixedTimeDecider, SPRTDecider, sprt_thresholds
-from baselines.rules.rollout import evaluate
+from baselines.rules.rollout import record_decisions
 from baselines.rules.sprt import sprt_test
 from hybrid_env.core.observation_row import LOG_SCALE, TICK_SCALE
 from hybrid_env.observation import Layout
@@ -109,7 +109,7 @@ def test_ate_has_the_accuracy_and_decision_time_of_an_independent_implementation
     alpha, accuracy, ticks
 ):
     # 9,000 segments: standard errors of at most .004 and .1 tick; tolerances .012 and .6.
-    decisions = evaluate(
+    decisions = record_decisions(
         SPRTDecider(alpha), "hybrid_env:HybridTrackPublished-v0", episodes=1500, seed=123
     )
     assert decisions.correct.mean() == pytest.approx(accuracy, abs=0.012)

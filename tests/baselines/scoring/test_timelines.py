@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from baselines import ThresholdDecider, record_statements
-from baselines.scoring.statements import COLUMNS, Statements, measure_statements
+from baselines.scoring.statements import STATEMENT_COLUMNS, Statements, measure_statements
 from baselines.scoring.timelines import Timeline, TimelineCounts, count_timeline
 from hybrid_env import HybridTrackQuickestVectorEnv
 
@@ -89,7 +89,7 @@ def test_statements_at_ticks_are_counted_as_those_at_samples():
         )
         counts = TimelineCounts(*count_timeline(line)[0])
         assert (
-            dict(zip(COLUMNS, counted, strict=True)).items()
+            dict(zip(STATEMENT_COLUMNS, counted, strict=True)).items()
             >= {
                 "right": counts.agreed / counts.scored,
                 "switches": counts.switches + counts.pending,

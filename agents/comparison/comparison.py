@@ -25,9 +25,9 @@ from baselines.scoring.scores import Scores
 class Comparison:
     """Results of a comparison."""
 
-    # The command with all its values, see `Compare.plan`.
+    # With all its values, see `Plan.completed`.
     plan: Any
-    # Of all deciders; the first is the reference.
+    # Results of all deciders; the first is the reference.
     entries: Sequence[Result]
     # See `bound_scores`.
     bound: Scores | None
