@@ -295,13 +295,14 @@ class TrackingArguments(ErrorArguments):
             raise reject("measurement_variance", variance, "none with radar, which has its own")
         grid, outliers = without_errors(tick_grid(recording), jumps=not self.lengths)
         modes = parse_modes(self.modes) or ()
-        moving, standing = (grid, 0) if self.lengths or modes else without_standing(grid)
+        nothing = grid, 0, 0.0
+        moving, standing, longest = nothing if self.lengths or modes else without_standing(grid)
         lengths = self._lengths(grid)
         duration = None if self.durations is None else parse_durations(self.durations).mean_duration
         variances = self.measurement_variance, self.process_variance
         given = self.radii or None, *variances, duration, lengths, modes
         model = fit_model(moving, *given)
-        stops = with_stop(grid, model, fit_model(grid, *given)) if standing else model
+        stops = with_stop(grid, model, fit_model(grid, *given), longest) if standing else model
         check_radii(stops)
         # A live rule is told of switches; hindsight has one model of both.
         of_rule = lengths if self.live else []

@@ -292,10 +292,19 @@ def _refine(likelihood: Likelihood, start: TrackModel, free: list[str]) -> Track
     return parameters(cost.x)
 
 
-def with_stop(grid: TickGrid, moving: TrackModel, whole: TrackModel) -> TrackModel:
+def with_stop(grid: TickGrid, moving: TrackModel, whole: TrackModel, longest: float) -> TrackModel:
     """Return a model with a stop as its last mode, of the moving parts of a recording with a mean
     duration that counts the stops, or of the whole one; or the model of the whole recording without
-    a stop, if it explains the recording clearly better, as of an object that is slow for a moment.
+    a stop, as of an object that is slow for a moment.
+
+    A drifting sensor hides the difference of their likelihoods. Where the object stands for two
+    windows or more, the stop need not explain the recording better, else clearly.
+
+    Args:
+        grid: of the whole recording.
+        moving: model of the parts in which the object moves.
+        whole: model of the recording.
+        longest: windows in which it stands, see `without_standing`.
     """
     stopping = [
         replace(model, modes=(*model.all_modes, Stop()), estimated=(*model.estimated, "modes"))
@@ -305,9 +314,10 @@ def with_stop(grid: TickGrid, moving: TrackModel, whole: TrackModel) -> TrackMod
     passes = [model.run(grid, (), 2048)[0] for model in models]
     values = [each.log_likelihood for each in passes]
     best = int(np.argmax(values[:2]))
-    clearly = max(values[:2]) < max(values[2:]) - CLEARLY
+    margin = -CLEARLY if longest >= 2.0 else CLEARLY
+    stops = max(values[:2]) > max(values[2:]) + margin
     # Given radii are those of the object.
-    if clearly or ("radii" in moving.estimated and _turns_are_noise(models[best])):
+    if not stops or ("radii" in moving.estimated and _turns_are_noise(models[best])):
         return whole
     if "duration" in moving.estimated:
         return replace(models[best], duration=_counted_duration(passes[best]))

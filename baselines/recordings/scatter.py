@@ -121,9 +121,10 @@ def _steps(piece: Piece) -> tuple[IntArray, FloatArray]:
     return rows, np.diff(piece.measurements[rows], axis=0) / np.diff(rows)[:, None]
 
 
-def without_standing(grid: TickGrid) -> tuple[TickGrid, int]:
-    """Return the grid without the parts in which the object stands still, and the number of their
-    measurements. A new piece begins after each part. With a radar nothing is left out.
+def without_standing(grid: TickGrid) -> tuple[TickGrid, int, float]:
+    """Return the grid without the parts in which the object stands still, the number of their
+    measurements, and the number of windows in the longest part. A new piece begins after each part.
+    With a radar nothing is left out.
 
     A part is a window in which positions vary by no more than the noise, or by 3 % of the way that
     the object covers elsewhere in this time. The window is so long that a moving object leaves the
@@ -136,12 +137,12 @@ def without_standing(grid: TickGrid) -> tuple[TickGrid, int]:
     lengths = (step_length(grid, 5, share) for share in (0.75, 0.9, 0.95, 0.99))
     step = next(filter(None, lengths), 0.0) / 5.0
     if noise is None or step == 0.0 or grid.radar is not None:
-        return grid, 0
+        return grid, 0, 0.0
     # A moving object covers 12 standard deviations of the noise in a window.
     window = max(5, math.ceil(12.0 * math.sqrt(2.0 * noise) / step))
     largest = max(2.0 * noise * (1.0 + 3.0 / math.sqrt(window)), (0.03 * step * window) ** 2)
     pieces: list[Piece] = []
-    count = 0
+    count = longest = 0
     for piece in grid.pieces:
         rows = np.flatnonzero(piece.measured)
         if len(rows) < window:
@@ -155,12 +156,14 @@ def without_standing(grid: TickGrid) -> tuple[TickGrid, int]:
         parts = piece.split([0, *rows[begins[1:]].tolist()])
         pieces += [part for part, at in zip(parts, begins, strict=True) if not still[at]]
         count += int(still.sum())
+        rows_of = np.diff(begins, append=len(rows))[still[begins]]
+        longest = max(longest, int(rows_of.max(initial=0)))
     if not pieces:
         raise ArgumentError(
             "the object stands still, or moves by less than the noise of its positions,"
             f" {math.sqrt(noise):.3g}: expected a moving one"
         )
-    return grid._replace(pieces=tuple(pieces)), count
+    return grid._replace(pieces=tuple(pieces)), count, longest / window
 
 
 def median_speed(grid: TickGrid, noise: float) -> float:
