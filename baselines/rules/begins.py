@@ -7,7 +7,8 @@ from scipy.special import logsumexp, softmax
 
 from baselines.estimation.piece_filter import REACH
 from baselines.estimation.pieces import GRADUAL, PieceSmoother
-from hybrid_env.checks import AnyArray, BoolArray, FloatArray, IntArray
+from hybrid_env.checks import BoolArray, FloatArray, IntArray
+from hybrid_env.quickest_options import QuickestOptions
 
 # Ticks between two begins of a piece that are compared, until most have the likeliest among them.
 STRIDES = 1, 2, 4
@@ -42,8 +43,8 @@ def runs_of(modes: IntArray) -> IntArray:
 
 def find_begins(
     pieces: IntArray,
-    rows: IntArray,
-    motions: AnyArray,
+    measured: BoolArray,
+    options: QuickestOptions,
     smoother: PieceSmoother,
     process_share: float,
 ) -> tuple[IntArray, IntArray, IntArray]:
@@ -58,11 +59,13 @@ def find_begins(
 
     Args:
         pieces: (K, 3) as of `SmoothedModes`, K > 1.
-        rows: (K,) numbers of their measurements.
-        motions: (K,) records `MOTION` of the pieces.
+        measured: (T,) whether there is a measurement.
+        options: with the modes.
         smoother: of the pieces.
         process_share: as of `smooth_modes`.
     """
+    rows = np.add.reduceat(measured.astype(int), pieces[:, 0])
+    motions = options.motions[pieces[:, 2]]
     linear = motions["linear"]
     turns = (np.diff(motions["signed_radius"]) != 0.0) & ~linear[1:] & ~linear[:-1]
     numbers = np.arange(len(turns))
@@ -101,6 +104,23 @@ def find_begins(
     moments[:, 0] = np.minimum(moments[:, 0], begins)
     moments[:, 1] = np.maximum(moments[:, 1], begins)
     return begins, moments, gradual
+
+
+def is_passed(pieces: IntArray, gradual: IntArray, options: QuickestOptions) -> BoolArray:
+    """Return whether each piece (K,) is straight motion that the object only passes from a turn to
+    one to the other side, in the ticks for which turns begin gradually.
+
+    Args:
+        pieces: (K, 3) as of `SmoothedModes`.
+        gradual: (K,) these ticks.
+        options: with the modes.
+    """
+    motions = options.motions[pieces[:, 2]]
+    sides = np.sign(motions["signed_radius"])
+    straight = (sides == 0.0) & ~motions["linear"]
+    passed = np.zeros(len(pieces), bool)
+    passed[1:-1] = straight[1:-1] & (sides[:-2] * sides[2:] < 0.0)
+    return passed & (pieces[:, 1] - pieces[:, 0] <= gradual.max(initial=0))
 
 
 def _ways_of(log_likelihoods: FloatArray) -> FloatArray:

@@ -10,7 +10,15 @@ from numpy.typing import ArrayLike
 from baselines.estimation.pieces import PieceSmoother
 from baselines.rules.beam import BeamDecider
 from baselines.rules.beam_filters import BY_LAW, DEPTH, BeamModel
-from baselines.rules.begins import SHORT, find_begins, find_brakes, modes_of, pieces_of, runs_of
+from baselines.rules.begins import (
+    SHORT,
+    find_begins,
+    find_brakes,
+    is_passed,
+    modes_of,
+    pieces_of,
+    runs_of,
+)
 from baselines.rules.lattice import smooth_lattice, walk_lattice
 from hybrid_env.checks import (
     AnyArray,
@@ -189,9 +197,15 @@ def _find_pieces(
         smoothed = smoother.smooth(pieces)
     moments = pieces[:, [0, 0]]
     if len(pieces) > 1:
-        rows = np.add.reduceat(measured.astype(int), pieces[:, 0])
-        motions = options.motions[pieces[:, 2]]
-        begins, moments, gradual = find_begins(pieces, rows, motions, smoother, process_share)
+        begins, moments, gradual = find_begins(pieces, measured, options, smoother, process_share)
+        kept = ~is_passed(pieces_of(begins, pieces[:, 2], ticks), gradual, options)
+        if not kept.all():
+            begins = pieces[:, 0][kept]
+            begins[1:] = np.where(kept[:-1][kept[1:]], begins[1:], pieces[:-1, 0][kept[1:]])
+            pieces = pieces_of(begins, pieces[kept, 2], ticks)
+            smoother.smooth(pieces)
+            arguments = pieces, measured, options, smoother, process_share
+            begins, moments, gradual = find_begins(*arguments)
         if gradual.any() or (begins != pieces[:, 0]).any():
             pieces = pieces_of(begins, pieces[:, 2], ticks)
             smoothed = smoother.smooth(pieces, gradual)
