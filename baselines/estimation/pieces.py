@@ -144,7 +144,7 @@ class PieceSmoother:
         self.memory.states[0], self.memory.covariances[0] = state, covariance
 
     def smooth(
-        self, pieces: IntArray, gradual: IntArray | None = None
+        self, pieces: IntArray, gradual: IntArray | None = None, rounds: int = 3
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return estimates (T, 4) [x, vx, y, vy], covariances (T, 4, 4) and turns (T, 4), see
         `turns.TurnEstimate`.
@@ -152,6 +152,7 @@ class PieceSmoother:
         Args:
             pieces: (K, 3) first tick, end, and row of `motions` of the segments.
             gradual: (K,) ticks for which a segment begins gradually, see `GRADUAL`; None is 0.
+            rounds: number of times that the turn rates are found anew.
         """
         ticks = len(self.measurements)
         of_pieces = self.motions[pieces[:, 2]]
@@ -170,8 +171,7 @@ class PieceSmoother:
         results = np.empty((ticks, 4)), np.empty((ticks, 4, 4)), np.empty((ticks, 4))
         self.pieces = pieces
         self.rates = _curvatures(of_pieces) * self.speed
-        # The turn rates are found anew three times.
-        for _ in range(3):
+        for _ in range(rounds):
             segments = self._segments(pieces, of_pieces, self.rates)
             self._anchor(*self.begin())
             anchors = []

@@ -23,6 +23,8 @@ from hybrid_env.modes import Mode, Stop, radii_of_modes
 
 # Turns of a tick that are tried [rad]: 0.004 to 1.02.
 ANGLES = tuple(float(angle) for angle in 0.004 * 2.0 ** (0.5 * np.arange(17)))
+# Smallest angle in a tick [rad] of a turn that is told from straight motion: .2 in 75 ticks.
+SMALLEST_ANGLE = 0.2 / 75.0
 # Difference of log-likelihoods beyond the criterion: the filters are only an approximation.
 CLEARLY = 5.0
 
@@ -206,12 +208,10 @@ def _more_radii(
     distinct = 0.25
 
     def is_turn(radius: float) -> bool:
-        """Whether a turn is told from straight motion, which is .2 rad in a mean duration, from the
-        noise, and from a turn of the opposite direction.
-        """
+        """Whether a turn is told from straight motion, from the noise and from the opposite one."""
         angle = best.speed / radius
         noise = 3.0 * math.sqrt(best.measurement_variance)
-        return angle * min(best.duration, 75.0) > 0.2 and angle < 1.0 and radius > noise
+        return SMALLEST_ANGLE < angle < 1.0 and radius > noise
 
     value = likelihood(best)
     while len(best.radii) < 3:
@@ -273,7 +273,8 @@ def _refine(likelihood: Likelihood, start: TrackModel, free: list[str]) -> Track
         values = np.exp(np.clip(vector, -23.0, 60.0)).tolist()
         changes: dict[str, Any] = dict(zip(names, values, strict=False))
         if radii:
-            changes["radii"] = tuple(values[len(names) :])
+            largest = start.speed / SMALLEST_ANGLE
+            changes["radii"] = tuple(min(radius, largest) for radius in values[len(names) :])
         return replace(start, **changes)
 
     widths = {"measurement_variance": 0.3, "process_variance": 1.0, "drift_variance": 1.0}

@@ -181,13 +181,16 @@ def _find_pieces(
     ticks, weights = len(measured), measured.astype(float)
     worth = probabilities @ worth_of(options.motions)
     pieces = runs_of(choose_modes(worth, weights))
-    smoothed = smoother.smooth(pieces)
     stands = stops_of(options)
-    if stands.any():
+    if not stands.any():
+        smoothed = smoother.smooth(pieces)
+    else:
+        # Rough turn rates are enough to find where the object stands.
+        smoothed = smoother.smooth(pieces, rounds=1)
         speeds = np.where(stands[modes_of(pieces)], 0.0, smoothed[2][:, 0])
         worth[speeds < STANDS * options.speed] = stands
         pieces = runs_of(choose_modes(worth, weights))
-        smoothed = smoother.smooth(pieces)
+        smoother.smooth(pieces, rounds=1)
         # The beam does not tell turns from each other that begin in an unknown direction.
         linear = options.motions["linear"]
         after = np.flatnonzero(stands[pieces[:-1, 2]] & ~linear[pieces[1:, 2]]) + 1

@@ -284,3 +284,44 @@ def test_a_mode_moves_alike_in_other_units(mode):
         units = np.array([length, velocity] * 2)
         moved = there.matrices(2.0 / 3600.0)[0] @ (units * state)
         np.testing.assert_allclose(moved, units * (mode.matrices(2.0)[0] @ state))
+
+
+def test_pieces_begin_where_the_motion_begins_to_change():
+    """A car of 12 m/s at ten rows a second that steers within half a second and brakes within
+    one."""
+    parts = 3 * [("S", 80, 0.0), ("L", 60, 20.0), ("stop", 70, 0.0), ("R", 60, 20.0)]
+    modes = np.repeat([mode for mode, _, _ in parts], [ticks for _, ticks, _ in parts])
+    wanted_speed = np.where(modes == "stop", 0.0, 12.0)
+    wanted_rate = {"L": 0.6, "R": -0.6, "S": 0.0, "stop": 0.0}
+    positions = np.zeros((len(modes), 2))
+    heading, speed, rate, place = 0.0, 12.0, 0.0, np.zeros(2)
+    for k, mode in enumerate(modes):
+        speed += 0.1 * (wanted_speed[k] - speed)
+        rate += 0.2 * (wanted_rate[mode] - rate)
+        heading += 0.1 * rate
+        place += 0.1 * speed * np.array([np.cos(heading), np.sin(heading)])
+        positions[k] = place
+    positions += np.random.default_rng(1).normal(0.0, 0.1, positions.shape)
+    tracked = track_recording(0.1 * np.arange(len(modes)), positions)
+
+    letters, _ = tracked.of_modes(tracked.modes)
+    assert np.mean(letters == modes) > 0.95
+    begins = np.flatnonzero((modes == "stop") & (np.roll(modes, 1) != "stop"))
+    found = tracked.pieces[letters[tracked.pieces[:, 0]] == "stop", 0]
+    assert len(found) == len(begins)
+    assert np.abs(found - begins).max() <= 3
+
+
+def test_a_receiver_that_stands_does_not_turn_although_its_position_drifts():
+    """By four metres within some minutes, as of a GPS."""
+    rng = np.random.default_rng(2)
+    drift = np.zeros((900, 2))
+    for k in range(1, 900):
+        drift[k] = 0.985 * drift[k - 1] + rng.normal(0.0, 0.5, 2)
+    standing = drift + rng.normal(0.0, 0.3, drift.shape)
+    walking = standing + 1.4 * np.clip(np.arange(900) - 600, 0, None)[:, None] * [0.8, 0.6]
+    for positions, modes in ((standing, ["stop"]), (walking, ["stop", "S"])):
+        tracked = track_recording(np.arange(900), positions)
+        letters, _ = tracked.of_modes(tracked.pieces[:, 2])
+        assert letters.tolist() == modes
+        assert np.abs(tracked.pieces[1:, 0] - 600).max(initial=0) <= 5
