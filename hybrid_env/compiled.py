@@ -5,9 +5,9 @@ their formulas. The only way to the compiled core from outside `hybrid_env`.
 from typing import Any
 
 from hybrid_env.core.banks import operations as operations
-from hybrid_env.core.banks.anchor_aware import begin_hypothesis as begin_hypothesis
-from hybrid_env.core.banks.anchor_aware import sense_hypothesis as sense_hypothesis
-from hybrid_env.core.banks.anchor_aware import sense_motion as sense_motion
+from hybrid_env.core.banks.anchor_aware import begin_motion as begin_motion
+from hybrid_env.core.banks.anchor_aware import begin_turn as begin_turn
+from hybrid_env.core.banks.anchor_aware import step_motion as step_motion
 from hybrid_env.core.banks.bank import FilterModel as FilterModel
 from hybrid_env.core.banks.bank import bank_arrays as bank_arrays
 from hybrid_env.core.banks.bank import covariance_of as covariance_of
@@ -16,8 +16,8 @@ from hybrid_env.core.banks.bank import likeliest as likeliest
 from hybrid_env.core.banks.bank import set_state as set_state
 from hybrid_env.core.banks.bank import signed_radius as signed_radius
 from hybrid_env.core.banks.bank import state_of as state_of
-from hybrid_env.core.banks.dense import begin_motion as begin_motion
-from hybrid_env.core.banks.extended_kalman import turn_coefficients as turn_coefficients
+from hybrid_env.core.banks.filter import move_turn as move_turn
+from hybrid_env.core.banks.filter import turn_coefficients as turn_coefficients
 from hybrid_env.core.banks.sensing import write_measured as write_measured
 from hybrid_env.core.compilation import compiled as compiled
 from hybrid_env.core.compilation import internal as internal

@@ -21,7 +21,7 @@ from hybrid_env.limits import (
 )
 from hybrid_env.modes import Mode, modes_of_radii, motion_table, parse_modes, radii_of_modes
 from hybrid_env.noises import GaussianNoise, Noise, StudentNoise, parse_likelihood, parse_noise
-from hybrid_env.sensors import Radar, Sensor, has_radar, parse_sensors, sensor_table
+from hybrid_env.sensors import Radar, Sensor, parse_sensors, sensor_table
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,7 +59,7 @@ class ModelOptions(Checked):
             of the observation.
         likelihood: law of the innovations that the bank assumes: "gaussian", or "student_t 4" for a
             robust one, by which a measurement far from all predictions changes little
-            (`core.banks.kalman.weigh`).
+            (`core.banks.sensing`).
         initial_error: (position variance of the first estimate / R, its velocity variance
             [m^2/s^2]) of a normal error; 0 starts at the true state.
         decide_every: ticks between two decisions. With announced switches a wait lasts to the next
@@ -253,5 +253,4 @@ class ModelOptions(Checked):
             "sensor_count": len(self.sensors),
             "freedom": freedom,
             "irregular": self.missed > 0.0 or bool(self.sensors),
-            "radar": has_radar(self.sensors),
         }

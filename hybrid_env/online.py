@@ -1,6 +1,5 @@
 """The filter bank of one track as a Python object, for notebooks and user code."""
 
-import math
 from typing import Any
 
 import numpy as np
@@ -55,11 +54,8 @@ def _step_one(bank: Any, rows: FloatArray, measured: Any, sensors: Any, model: F
     modes = bank.hypotheses.size
     for h in range(modes):
         write_innovation(rows[h], bank, h, 0, measurement, noise, model)
-    if math.isnan(measurement[0, 0]):
-        operations.sense(bank, 0, 0, modes, measured[0], sensors, model)
-    else:
-        operations.step(bank, 0, modes, 0, 1, measurement, model)
-    for h in range(bank.hypotheses.size):
+    operations.step(bank, 0, modes, 0, 1, measured[0], sensors, model)
+    for h in range(modes):
         write_estimate(rows[h], bank, h, 0)
 
 

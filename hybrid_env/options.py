@@ -13,9 +13,9 @@ from hybrid_env.core.memory import BANKS, SEGMENT_COLUMNS, TICK_NAMES, DenseBank
 from hybrid_env.core.observation_row import OBSERVATIONS
 from hybrid_env.limits import QuantityOrZero
 from hybrid_env.model_options import ModelOptions as ModelOptions
+from hybrid_env.noises import StudentNoise
 from hybrid_env.observation import InnovationsLayout, Layout, RawLayout, StateLayout
 from hybrid_env.scheme import FixedScheme, RandomScheme, Scheme, parse_scheme, segment_table
-from hybrid_env.sensors import has_radar
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,10 +107,13 @@ class WorldOptions(ModelOptions):
 
     @property
     def bank_class(self) -> type:
-        """Class of the bank: with a radar the axes of the published one are not independent."""
+        """Class of the bank: with sensors the axes of the published one are not independent, and
+        the robust likelihood is that of both.
+        """
         if self.modes is not None:
             return DenseBank
-        return BANKS["anchor_aware" if has_radar(self.sensors) else self.bank]
+        together = self.sensors or isinstance(self.likelihood, StudentNoise)
+        return BANKS["anchor_aware" if together else self.bank]
 
     @property
     def action_count(self) -> int:

@@ -203,11 +203,6 @@ def _attributes(text: str) -> dict[str, Any]:
     return values
 
 
-def has_radar(sensors: Sequence[Sensor | Radar]) -> bool:
-    """Return whether a sensor is a radar."""
-    return any(isinstance(sensor, Radar) for sensor in sensors)
-
-
 def sensor_table(sensors: Sequence[Sensor | Radar], variance: float) -> AnyArray:
     """Return (k,) records `SENSOR` for the kernel; variance: R [m^2]."""
     table = np.zeros(len(sensors), SENSOR)

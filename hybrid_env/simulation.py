@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from hybrid_env.checks import FloatArray, IntArray, check_array, check_integer, checked, reject
 from hybrid_env.core.compilation import compiled, prepare
 from hybrid_env.core.memory import BLOCK, LANES, PARAMETERS, SENSOR, aligned_zeros
+from hybrid_env.core.noise import draw_failed
 from hybrid_env.core.true_object import MODE, begin_motion, move
 from hybrid_env.limits import Quantity, QuantityOrZero, axis_variances
 from hybrid_env.modes import Mode, modes_of_radii, motion_table, parse_modes
@@ -59,7 +60,7 @@ def _simulate(
                 block.true_mode[lane] = np.int64(table[segment, MODE])
                 begin_motion(block, lane, table[segment], motions, setting.tau)
             for _ in range(lengths[segment]):
-                move(block, draws, np.uint64(0), np.uint64(LANES), sensors, motions, setting, True)
+                move(block, draws, np.uint64(0), np.uint64(LANES), sensors, motions, setting)
                 for lane in range(LANES):
                     for axis in range(4):
                         truth[b * LANES + lane, k, axis] = block.truth[axis, lane]
@@ -124,5 +125,7 @@ def simulate(
     arguments = blocks, lengths, table, motions, parameters, sensors, truth, measurements
     prepare(_simulate, *arguments)
     _simulate(*arguments)
+    if parameters["noise_failed"][0]:
+        raise draw_failed()
     places = table[:, MODE].astype(np.int64)
     return Simulation(truth[:runs], measurements[:runs], lengths, table[:, 0], places)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from hybrid_env.checks import AnyArray, BoolArray, Float32Array, FloatArray, IntArray, reject
 from hybrid_env.core.bank_ticks import read_bank_ticks
+from hybrid_env.core.errors import ArgumentError
 from hybrid_env.core.kernels import RESET, STEP, entry_point
 from hybrid_env.core.memory import (
     DECISION,
@@ -25,6 +26,7 @@ from hybrid_env.core.memory import (
     allocate,
     declared,
 )
+from hybrid_env.core.noise import draw_failed
 from hybrid_env.core.observation_row import LOG_FLOOR
 from hybrid_env.observation import Layout
 
@@ -213,7 +215,8 @@ class World:
         run = functools.partial(self._run_share, command)
         # Every thread checks all actions, so that all report the same invalid one.
         events = list(self._pool.map(run, shares))
-        return events[0] if events[0] < 0 else functools.reduce(operator.or_, events)
+        lowest = min(events)
+        return lowest if lowest < 0 else functools.reduce(operator.or_, events)
 
     def _run_share(self, command: int, share: tuple[int, slice]) -> int:
         address, tracks = share
@@ -291,7 +294,8 @@ class World:
     def reset(self, mask: BoolArray) -> None:
         """Begin a new episode on the tracks of a mask, (N,)."""
         self.actions[:] = mask
-        self.run(RESET)
+        if self.run(RESET) < 0:
+            raise self._draw_failed()
 
     def step(self) -> int:
         """Step every track with `actions`; a terminated track begins its next episode. Returns the
@@ -299,9 +303,17 @@ class World:
         raises `InvalidAction`, and no track is stepped.
         """
         events = self.run(STEP)
+        if events < -self.actions.size:
+            raise self._draw_failed()
         if events < 0:
             raise self.invalid_action(int(self.actions[-1 - events]))
         return events
+
+    def _draw_failed(self) -> ArgumentError:
+        """Return the error of the law of the user; the next step begins anew."""
+        for parameters in self._parameters:
+            parameters["noise_failed"] = False
+        return draw_failed()
 
     def observation_space(self) -> spaces.Box:
         """Return the observation space of one track, with the bounds of bounded quantities."""

@@ -18,7 +18,7 @@ def main(folder: Path) -> None:
     for path in folder.glob("*.bc.xz"):
         path.unlink()
     for bank in (AnchorAwareBank, PublishedBank, ImmBank):
-        bitcode.save(kernel_of(bank, rare=None, live=False), folder)
+        bitcode.save(kernel_of(bank, live=False), folder)
 
 
 if __name__ == "__main__":

@@ -97,6 +97,6 @@ def _forecast(
         # A velocity moves the position by its integral, from the tick of its noise on.
         for tick in range(1, int(times[k] / tau + 1e-9) + 1):
             rest = times[k] - tick * tau
-            integral = turn_coefficients(rate, rest)[1]
+            integral = rest * turn_coefficients(rate * rest)[2]
             covariances[k, 0, 0] += process_variance * integral**2
             covariances[k, 1, 1] += process_variance * integral**2

@@ -126,7 +126,7 @@ def _begin(
         else:
             begun[6] = curvature * speed
     else:
-        # Bounded as in `anchor_aware.begin_hypothesis`.
+        # Bounded as in `anchor_aware.begin_motion`.
         slope = acceleration / max(known, math.sqrt(P[2, 2] + P[3, 3]), 1e-12)
         begun[4:6] = acceleration * along
         J[4:6, 2:4] = slope * (np.eye(2) - np.outer(along, along))

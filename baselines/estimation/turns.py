@@ -46,17 +46,14 @@ class TurnEstimate(NamedTuple):
 @internal
 def turn_matrix(rate: float, seconds: float) -> FloatArray:
     """Return the matrix (6, 6) by which positions, v and u move in a time without noise."""
-    cosine, along, _, rest, _, _, _ = turn_coefficients(rate, seconds)
-    sine = rate * along
-    # Integrals of cosine and sine over the time.
-    across = rest / rate if rate != 0.0 else 0.0
+    cosine, sine, along, across = turn_coefficients(rate * seconds)
     matrix = np.eye(6)
     for k in range(2):
         # A left turn by 90 degrees moves coordinate `other` to k.
         other = 1 - k
         sign = 2.0 * k - 1.0
-        matrix[k, 2 + k] = along
-        matrix[k, 4 + other] = sign * across
+        matrix[k, 2 + k] = seconds * along
+        matrix[k, 4 + other] = sign * seconds * across
         matrix[2 + k, 2 + k] = matrix[4 + k, 4 + k] = cosine
         matrix[2 + k, 4 + other] = matrix[4 + k, 2 + other] = sign * sine
     return matrix

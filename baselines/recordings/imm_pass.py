@@ -53,8 +53,6 @@ class Chunks(NamedTuple):
     # (B, 3, LANES) ticks of the two measurements that start a lane, and of the last one that does
     # not count; T without them.
     starts: IntArray
-    # (B, T) True where all lanes with a chunk have begun and have a measurement and no switch.
-    alike: BoolArray
     # (1,) record `SENSOR` of the radar, or none.
     sensors: AnyArray
 
@@ -116,10 +114,11 @@ def imm_pass(
                 for element in range(3):
                     block.noise[element, lane] = chunks.noises[b, k, element, lane]
                 block.rates[0, lane] = chunks.rates[b, k, lane]
-            if chunks.alike[b, k]:
-                # By SIMD code; what lanes without a chunk hold is not used.
-                first, last = np.uint64(0), np.uint64(LANES)
-                operations.step_imm(bank, block, first, last, radii, model)
+                if k > chunks.starts[b, 1, lane] and chunks.switches[b, k, lane]:
+                    operations.begin_imm(bank, block, lane, -1)
+            # What lanes without a chunk hold is not used.
+            first, last = np.uint64(0), np.uint64(LANES)
+            operations.step_imm(bank, block, first, last, radii, chunks.sensors, model)
             for lane in range(LANES):
                 second = chunks.starts[b, 1, lane]
                 if k == second:
@@ -129,10 +128,6 @@ def imm_pass(
                 if k <= second:
                     continue
                 measured = not math.isnan(block.measurement[0, lane])
-                if not chunks.alike[b, k]:
-                    if chunks.switches[b, k, lane]:
-                        operations.begin_imm(bank, block, lane, -1)
-                    operations.sense_imm(bank, block, lane, radii, chunks.sensors, model)
                 best = 0
                 for h in range(bank.hypotheses.size):
                     value = bank.hypotheses[h].log_probability[lane]
@@ -144,7 +139,7 @@ def imm_pass(
                     output.white[b, k, 1, lane] = bank.innovations[best].white_y[lane]
                 if measured and k > chunks.starts[b, 2, lane]:
                     sums = bank.sums[0]
-                    total += sums.largest[lane] + math.log(sums.total[lane])
+                    total += sums.largest[lane] - math.log(sums.inverse[lane])
     return total
 
 
@@ -216,8 +211,6 @@ def grid_chunks(
     # depend on how the velocity was found.
     seen = measured.cumsum(1)
     starts = np.stack([(seen < count).sum(1) for count in (1, 2, 5)], axis=1)
-    alike = measured & (seen > 2) & ~switches & (radar is None)
-    alike[len(places) :] = True
 
     def by_lane(array: Any) -> Any:
         lanes = array.reshape(blocks, LANES, *array.shape[1:])
@@ -229,7 +222,6 @@ def grid_chunks(
         by_lane(noises),
         by_lane(rates),
         by_lane(starts),
-        by_lane(alike).all(-1),
         sensor_table([] if radar is None else [radar], 1.0),
     ), places
 

@@ -40,7 +40,7 @@ from hybrid_env.compiled import (
     covariance_of,
     estimate_of,
     internal,
-    sense_motion,
+    step_motion,
     write_measured,
 )
 
@@ -440,7 +440,7 @@ def walk_branches(
             for lane in range(0, LANES, lanes):
                 history = children.histories[0, group * LANES + lane]
                 # With signed numbers the loop over lanes is no SIMD code.
-                sense_motion(
+                step_motion(
                     kalman,
                     innovations[0],
                     np.uint64(lane),

@@ -31,12 +31,12 @@ from hybrid_env.compiled import (
     SENSOR,
     FilterModel,
     aligned_zeros,
-    begin_hypothesis,
+    begin_turn,
     compiled,
     internal,
     run_compiled,
-    sense_hypothesis,
     signed_radius,
+    step_motion,
     write_measured,
 )
 from hybrid_env.live import TRIANGLE
@@ -103,11 +103,12 @@ def _sense(
 ) -> None:
     """Advance the filters of lanes first .. last - 1 by a tick."""
     for h in range(bank.size):
-        sense_hypothesis(
+        step_motion(
             bank[h],
             memory.innovations[h],
             np.uint64(first),
             np.uint64(last),
+            None,
             memory.measured[0],
             sensors,
             model,
@@ -136,28 +137,16 @@ def _filter_tick(
     for b in range(filters.shape[0]):
         bank = filters[b]
         lanes = min(LANES, log_likelihood.shape[0] * tracks - b * LANES)
-        # Lanes that are advanced at once: all or none of them have a measurement.
-        at_once = lanes
         for lane in range(lanes):
             c, i = divmod(b * LANES + lane, tracks)
             write_measured(memory.measured[0], lane, measurements[i])
-            if math.isnan(measurements[i, 0]):
-                at_once = 1
             for h in range(bank.size if begins[i] else 0):
                 anchor, covariance = estimate_in(anchors[c, i])
-                begin_hypothesis(
-                    bank[h],
-                    lane,
-                    anchor,
-                    covariance,
-                    signed_radius(h, radii),
-                    assumption.model.tau,
-                    assumption.model.exact_anchor > 0.0,
-                )
+                radius = signed_radius(h, radii)
+                begin_turn(bank[h], lane, anchor, covariance, radius, assumption.model)
         for h in range(bank.size):
             memory.before[h] = bank[h]
-        for first in range(0, lanes, at_once):
-            _sense(bank, memory, first, first + at_once, sensors, assumption.model)
+        _sense(bank, memory, 0, lanes, sensors, assumption.model)
         for lane in range(lanes):
             smallest = math.inf
             for h in range(bank.size):

@@ -6,8 +6,7 @@ from the estimate and covariance that it has before the measurement: the hypothe
 that mode here. Its likelihood ratio compares all measurements since its start with the filter of
 the stated mode, which runs on (Willsky & Jones 1976; Golubkov 2020, eq. (7)). When the statement
 changes, the most likely filter of the new mode becomes that of the stated mode, and all others are
-dropped. The filters are those of `anchor_aware`, with an exact anchor those of `published`; of
-other modes those of `dense`.
+dropped. The filters are those of `anchor_aware`, with an exact anchor those of `published`.
 """
 
 import math
@@ -38,8 +37,8 @@ from hybrid_env.compiled import (
     compiled,
     covariance_of,
     run_compiled,
-    sense_motion,
     state_of,
+    step_motion,
     write_measured,
 )
 from hybrid_env.quickest_options import QuickestOptions
@@ -113,7 +112,7 @@ def step_restarted(
         anchor = state_of(stated, 0)[:4]
         covariance = covariance_of(stated, 0)
         motion = model.motions[filters.stated[track]]
-        sense_motion(stated, innovation, 0, 1, motion, measured, model.sensors, model.filters)
+        step_motion(stated, innovation, 0, 1, motion, measured, model.sensors, model.filters)
         new = filters.counts[track] % model.window
         filters.counts[track] += 1
         live = min(filters.counts[track], model.window)
@@ -131,7 +130,7 @@ def step_restarted(
             )
             started[new // LANES].log_likelihood[new % LANES] = before
             for group in range((live + LANES - 1) // LANES):
-                sense_motion(
+                step_motion(
                     started[group],
                     innovation,
                     0,

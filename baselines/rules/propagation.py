@@ -12,14 +12,7 @@ import numpy as np
 
 from baselines.rules.measurements import copy_filter
 from hybrid_env.checks import AnyArray, FloatArray, IntArray
-from hybrid_env.compiled import (
-    FilterModel,
-    compiled,
-    internal,
-    sense_hypothesis,
-    state_of,
-    turn_coefficients,
-)
+from hybrid_env.compiled import FilterModel, compiled, internal, move_turn, state_of, step_motion
 
 # States of a filter: [x, vx, y, vy, centre_x, centre_y, turn_rate].
 FILTER_STATES = 7
@@ -59,23 +52,21 @@ def _read_filter(kalman: Any, lane: int, mean: FloatArray, covariance: FloatArra
 @internal
 def _move(mean: FloatArray, tau: float) -> FloatArray:
     """Move seven states, (7,), by a tick; return the Jacobian of the motion, (7, 7)."""
-    C, S, W, D, dC, dS, dW = turn_coefficients(mean[6], tau)
+    before = mean[0], mean[1], mean[2], mean[3], mean[4], mean[5], mean[6]
+    moved, (C, S, W, D), by_rate = move_turn(before, tau)
     jacobian = np.eye(FILTER_STATES)
+    for k in range(4):
+        mean[k] = moved[k]
+        jacobian[k, 6] = by_rate[k]
     for axis in range(2):
         x = 2 * axis
         v = x + 1
         centre = 4 + axis
-        offset = mean[x] - mean[centre]
-        velocity = mean[v]
-        mean[x] = mean[centre] + C * offset + S * velocity
-        mean[v] = C * velocity - W * offset
         jacobian[x, x] = jacobian[v, v] = C
         jacobian[x, v] = S
         jacobian[x, centre] = D
         jacobian[v, x] = -W
         jacobian[v, centre] = W
-        jacobian[x, 6] = dC * offset + dS * velocity
-        jacobian[v, 6] = dC * velocity - dW * offset
     return jacobian
 
 
@@ -103,9 +94,8 @@ def _tick(
     moved[3, 3] += model.process_variance
     measured.measurement[0, 0] = mean[0]
     measured.measurement[1, 0] = mean[2]
-    sense_hypothesis(
-        kalman, memory.innovation[0], np.uint64(0), np.uint64(1), measured, sensors, model
-    )
+    first, last = np.uint64(0), np.uint64(1)
+    step_motion(kalman, memory.innovation[0], first, last, None, measured, sensors, model)
     # K = P H' / R with the corrected P.
     of_measured = np.empty((2, FILTER_STATES))
     for j in range(FILTER_STATES):

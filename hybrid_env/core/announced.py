@@ -2,7 +2,6 @@
 a live sensor the measurement comes from the caller.
 """
 
-import math
 from typing import Any
 
 import numpy as np
@@ -17,8 +16,14 @@ from hybrid_env.core.banks.bank import (
     likeliest_of_type,
     motions_of,
 )
-from hybrid_env.core.banks.mixture import NOTHING
-from hybrid_env.core.banks.posterior import merged_estimate, write_merged_covariance
+from hybrid_env.core.banks.posterior import (
+    NOTHING,
+    by_likelihood,
+    compare,
+    compare_types,
+    write_covariance,
+    write_mean,
+)
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import bits_of
 from hybrid_env.core.kernel import BEGUN, DECIDED, HALTED, TERMINATED
@@ -27,18 +32,16 @@ from hybrid_env.core.memory import (
     LANES,
     FloatArray,
     IntArray,
-    Records,
     arrays_of,
     state_of,
     triangle_of,
     write_lane,
 )
 from hybrid_env.core.motion import heading_vector
-from hybrid_env.core.noise import draw_noise, integer_below
+from hybrid_env.core.noise import GAUSSIAN, draw_normals, integer_below
 from hybrid_env.core.observation_row import (
     BANK_ROW,
-    compare_hypotheses,
-    compare_types,
+    log_error_probability,
     mask_declarations,
     write_segment,
     write_tick,
@@ -59,21 +62,22 @@ HAS_DECISION = 0
 
 
 @internal
-def _record_estimate(
-    block: Any, lane: int, hypotheses: Records, trace: FloatArray, merged: bool
-) -> None:
-    """Record the estimate of the active filter or the merged one, its squared error, and a row
-    of a stored trace.
+def _merge(block: Any, bank: Any, first: int, last: int) -> None:
+    """Write the estimates of lanes first .. last - 1, merged over the bank, to the block."""
+    compare(bank, by_likelihood, first, last)
+    write_mean(bank, block, first, last)
+
+
+@internal
+def _record_estimate(block: Any, lane: int, bank: Any, trace: FloatArray, merged: bool) -> None:
+    """Record the estimate of the active filter or, after `_merge`, the merged one, its squared
+    error, and a row of a stored trace.
     """
-    estimate = (
-        merged_estimate(hypotheses, lane)
-        if merged
-        else estimate_of(hypotheses, block.active_mode[lane], lane)
-    )
-    write_lane(block.estimate, lane, estimate)
-    x, _, y, _ = estimate
-    error_x = x - block.truth[0, lane]
-    error_y = y - block.truth[2, lane]
+    if not merged:
+        estimate = estimate_of(bank.hypotheses, block.active_mode[lane], lane)
+        write_lane(block.estimate, lane, estimate)
+    error_x = block.estimate[0, lane] - block.truth[0, lane]
+    error_y = block.estimate[2, lane] - block.truth[2, lane]
     block.squared_error[lane] += error_x * error_x + error_y * error_y
     write_trace(trace, block, lane, block.active_mode[lane])
 
@@ -117,47 +121,18 @@ def _begin_segment(block: Any, lane: int, bank: Any, arrays: Any, setting: Any) 
 
 
 @internal
-def step_filters(
-    bank: Any,
-    lowest: int,
-    stop: int,
-    first: int,
-    last: int,
-    block: Any,
-    sensors: Records,
-    setting: Any,
-    rare: bool | None,
-) -> None:
-    """Advance filters lowest .. stop - 1 of lanes first .. last - 1 by the measurement of the
-    block, if there is one.
-    """
-    if rare is not None and setting.irregular:
-        for lane in range(first, last):
-            if math.isnan(block.measurement[0, lane]) or setting.radar:
-                model = filter_model(setting, 1.0, True)
-                operations.sense(bank, lane, lowest, stop, block, sensors, model)
-            else:
-                model = filter_model(setting, block.noise[0, lane], True)
-                after = lane + np.uint64(1)
-                operations.step(bank, lowest, stop, lane, after, block.measurement, model)
-    else:
-        model = filter_model(setting, 1.0, rare)
-        operations.step(bank, lowest, stop, first, last, block.measurement, model)
-
-
-@internal
-def run_on(block: Any, lane: int, bank: Any, arrays: Any, setting: Any, rare: bool | None) -> None:
+def run_on(block: Any, lane: int, bank: Any, arrays: Any, setting: Any) -> None:
     """Advance the filters of a lane after a decision: all of them, or that of the decided mode
     without its log-likelihood. Golubkov 2018, algorithm 1, line 15.
     """
-    hypotheses, sensors = bank.hypotheses, arrays.sensors
-    chosen, stop = block.active_mode[lane], lane + np.uint64(1)
-    if setting.merged:
-        step_filters(bank, 0, hypotheses.size, lane, stop, block, sensors, setting, rare)
-    else:
-        before = hypotheses[chosen].log_likelihood[lane]
-        step_filters(bank, chosen, chosen + 1, lane, stop, block, sensors, setting, rare)
-        hypotheses[chosen].log_likelihood[lane] = before
+    chosen = block.active_mode[lane]
+    kalman = bank.hypotheses[chosen]
+    before = kalman.log_likelihood[lane]
+    lowest, stop = (0, bank.hypotheses.size) if setting.merged else (chosen, chosen + 1)
+    last, model = lane + np.uint64(1), filter_model(setting)
+    operations.step(bank, lowest, stop, lane, last, block, arrays.sensors, model)
+    if not setting.merged:
+        kalman.log_likelihood[lane] = before
 
 
 @internal
@@ -182,12 +157,12 @@ def set_anchor(block: Any, lane: int, bank: Any, merged: bool) -> None:
     """Set the estimate at a switch and its covariance: of the filter of the decided mode, or
     merged over the bank.
     """
-    chosen = block.active_mode[lane]
     if merged:
-        mean = merged_estimate(bank.hypotheses, lane)
-        write_lane(block.estimate, lane, mean)
-        write_merged_covariance(bank, lane, mean, block.covariance)
+        stop = lane + np.uint64(1)
+        _merge(block, bank, lane, stop)
+        write_covariance(bank, block, lane, stop, operations.covariance)
     else:
+        chosen = block.active_mode[lane]
         write_lane(block.estimate, lane, estimate_of(bank.hypotheses, chosen, lane))
         write_lane(block.covariance, lane, operations.covariance(bank, chosen, lane))
 
@@ -200,14 +175,7 @@ def delay_of(block: Any, lane: int, setting: Any) -> float:
 
 @inlined
 def _decide(
-    block: Any,
-    lane: int,
-    i: int,
-    action: int,
-    bank: Any,
-    arrays: Any,
-    setting: Any,
-    rare: bool | None,
+    block: Any, lane: int, i: int, action: int, bank: Any, arrays: Any, setting: Any
 ) -> None:
     """Record the decision of track i and fast-forward to the end of the segment."""
     trace, decisions, flags = arrays.trace[i], arrays.decisions, arrays.decision_flags
@@ -225,23 +193,24 @@ def _decide(
     block.active_mode[lane] = chosen
     noise, merged = arrays.scratch[0].noise, setting.merged
     motions = motions_of(bank)
-    irregular = rare is not None and setting.irregular
     stop = lane + np.uint64(1)
-    # The noise of several ticks is drawn at once with SIMD code, but for modes that draw more.
-    batch = 1 if irregular else LANES
+    # Normal noise of several ticks is drawn at once with SIMD code.
+    batch = LANES if setting.noise_law == GAUSSIAN and not setting.irregular else 1
     if motions is not None:
         batch = 1
     while block.tick[lane] < block.length[lane]:
         ticks = np.uint64(min(batch, block.length[lane] - block.tick[lane]))
-        if irregular:
-            move(block, noise, lane, stop, arrays.sensors, motions, setting, rare)
-        else:
-            draw_noise(block.random_state, noise, np.uint64(0), ticks, setting, rare, lane)
+        if batch > 1:
+            draw_normals(block.random_state, noise, np.uint64(0), ticks, lane)
         for column in range(ticks):
-            if not irregular:
+            if batch > 1:
                 move_lane(block, lane, noise, column, motions, setting)
-            run_on(block, lane, bank, arrays, setting, rare)
-            _record_estimate(block, lane, bank.hypotheses, trace, merged)
+            else:
+                move(block, noise, lane, stop, arrays.sensors, motions, setting)
+            run_on(block, lane, bank, arrays, setting)
+            if merged:
+                _merge(block, bank, lane, stop)
+            _record_estimate(block, lane, bank, trace, merged)
     set_anchor(block, lane, bank, merged)
     arrays.rewards[i] = (1.0 if correct else -1.0) - delay
     decisions[len(DECISION) - 1, i] = bits_of(block.squared_error[lane])
@@ -255,9 +224,7 @@ def counted_action(arrays: Any, i: int) -> int:
 
 
 @internal
-def prepare_lane(
-    reset: bool, block: Any, lane: int, i: int, bank: Any, setting: Any, rare: bool | None
-) -> int:
+def prepare_lane(reset: bool, block: Any, lane: int, i: int, bank: Any, setting: Any) -> int:
     """Apply the action of track i, or begin its next episode. Returns the events of the lane."""
     arrays = arrays_of(setting)
     action = counted_action(arrays, i)
@@ -277,7 +244,7 @@ def prepare_lane(
         arrays.rewards[i] = -delay_of(block, lane, setting)
         return 0
     else:
-        _decide(block, lane, i, action, bank, arrays, setting, rare)
+        _decide(block, lane, i, action, bank, arrays, setting)
         if block.segment[lane] + 1 == setting.segments:
             arrays.terminated[i] = True
             return DECIDED | TERMINATED
@@ -288,7 +255,7 @@ def prepare_lane(
 
 
 @internal
-def wait_lane(block: Any, lane: int, i: int, bank: Any, setting: Any, rare: bool | None) -> int:
+def wait_lane(block: Any, lane: int, i: int, bank: Any, setting: Any) -> int:
     """Return the events of a lane that waits for the next decision: it halts where the segment
     ends.
     """
@@ -296,22 +263,22 @@ def wait_lane(block: Any, lane: int, i: int, bank: Any, setting: Any, rare: bool
 
 
 @internal
-def tick(
-    b: int, block: Any, bank: Any, first: int, last: int, setting: Any, rare: bool | None
-) -> None:
+def tick(b: int, block: Any, bank: Any, first: int, last: int, setting: Any) -> None:
     """Advance object and bank of lanes first .. last - 1 of block b."""
     arrays = arrays_of(setting)
-    motions = motions_of(bank)
-    move(block, arrays.scratch[0].noise, first, last, arrays.sensors, motions, setting, rare)
-    if rare is not None and setting.bank_rows > 0:
+    sensors = arrays.sensors
+    move(block, arrays.scratch[0].noise, first, last, sensors, motions_of(bank), setting)
+    if setting.bank_rows > 0:
         write_innovations(arrays.bank_ticks, b, block, first, last, bank, setting)
-    modes = bank.hypotheses.size
-    step_filters(bank, 0, modes, first, last, block, arrays.sensors, setting, rare)
-    if rare is not None and setting.bank_rows > 0:
+    model = filter_model(setting)
+    operations.step(bank, 0, bank.hypotheses.size, first, last, block, sensors, model)
+    if setting.bank_rows > 0:
         write_corrected(arrays.bank_ticks, b, first, last, bank)
+    if setting.merged:
+        _merge(block, bank, first, last)
     for lane in range(first, last):
         trace = arrays.trace[b * LANES + lane]
-        _record_estimate(block, lane, bank.hypotheses, trace, setting.merged)
+        _record_estimate(block, lane, bank, trace, setting.merged)
 
 
 @internal
@@ -323,13 +290,18 @@ def write_rows(
     """
     arrays = arrays_of(setting)
     scratch = arrays.scratch[0]
-    compare_hypotheses(scratch, bank.hypotheses, first, last)
+    # Else `_merge` has compared them.
+    if not setting.merged:
+        compare(bank, by_likelihood, first, last)
+    others = bank.sums[0].others
+    for lane in range(first, last):
+        scratch.log_error[lane] = log_error_probability(others[lane])
     if setting.log_error_allowed < 0.0:
         if not setting.exact:
-            likelihoods = arrays.type_likelihoods
-            compare_types(scratch, bank.hypotheses, arrays.types, likelihoods, first, last)
+            others = scratch.type_ratio
+            compare_types(bank, arrays.types, arrays.type_likelihoods, others, first, last)
         for lane in range(first, last):
-            mask_declarations(arrays.action_mask[b * LANES + lane], scratch, lane, setting)
+            mask_declarations(arrays.action_mask[b * LANES + lane], others[lane], setting)
     for lane in range(first, last):
         row = arrays.observations[b * LANES + lane]
         if setting.observation != BANK_ROW:
@@ -374,10 +346,12 @@ def advance_live(begins: bool, bank_class: type, setting: Any) -> int:
     block.tick[0] += 1
     block.length[0] = max(block.length[0], block.tick[0])
     if decided:
-        run_on(block, lane, bank, arrays, setting, True)
+        run_on(block, lane, bank, arrays, setting)
     else:
-        modes = bank.hypotheses.size
-        step_filters(bank, 0, modes, lane, last, block, arrays.sensors, setting, True)
+        modes, model = bank.hypotheses.size, filter_model(setting)
+        operations.step(bank, 0, modes, lane, last, block, arrays.sensors, model)
+        if setting.merged:
+            _merge(block, bank, lane, last)
         begun = 1 if block.tick[0] == 1 else 0
         write_rows(0, block, bank, lane, last, begun, setting)
     set_anchor(block, lane, bank, setting.merged)

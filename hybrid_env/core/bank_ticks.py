@@ -9,7 +9,7 @@ import numpy as np
 
 from hybrid_env.core.banks import operations
 from hybrid_env.core.banks.bank import estimate_of, filter_model
-from hybrid_env.core.compilation import internal
+from hybrid_env.core.compilation import internal, seldom, stay_apart
 from hybrid_env.core.memory import BANK_COLUMNS, LANES, FloatArray
 
 ESTIMATES = BANK_COLUMNS["innovations"] + BANK_COLUMNS["innovation_covariances"]
@@ -47,7 +47,7 @@ def write_estimate(row: FloatArray, bank: Any, hypothesis: int, lane: int) -> No
         row[COVARIANCES + k] = value
 
 
-@internal
+@seldom
 def write_innovations(
     bank_ticks: FloatArray, b: int, block: Any, first: int, last: int, bank: Any, setting: Any
 ) -> None:
@@ -57,7 +57,8 @@ def write_innovations(
     Without a measurement the innovation is NaN, and its covariance is that for a position of
     variance R.
     """
-    model = filter_model(setting, 1.0, True)
+    stay_apart()
+    model = filter_model(setting)
     for lane in range(first, last):
         missing = math.isnan(block.measurement[0, lane])
         noise_xx = model.variance_x
@@ -75,11 +76,12 @@ def write_innovations(
             )
 
 
-@internal
+@seldom
 def write_corrected(bank_ticks: FloatArray, b: int, first: int, last: int, bank: Any) -> None:
     """Write estimates and covariances of lanes first .. last - 1 of block b, after the filters
     have stepped.
     """
+    stay_apart()
     for lane in range(first, last):
         for h in range(bank.hypotheses.size):
             write_estimate(bank_ticks[b * LANES + lane, h], bank, h, lane)

@@ -21,8 +21,9 @@ from typing import Any
 
 import numba
 from numba import njit, typeof
+from numba import types as numba_types
 from numba.extending import intrinsic as numba_intrinsic
-from numba.extending import register_jitable
+from numba.extending import overload, register_jitable
 
 try:
     import fcntl
@@ -57,10 +58,43 @@ with the same types, and which LLVM inlines: by itself it does not where there a
 Python runs it as it is.
 """
 
+seldom: Any = register_jitable(**OPTIONS, forceinline=False)
+"""The same for a function that few environments call, and that begins with `stay_apart()`: what is
+called often compiles faster, and to better code, without it.
+"""
+
+
+@intrinsic
+def stay_apart(_typing: Any) -> Any:
+    """Do nothing, but LLVM does not inline the function that calls this."""
+
+    def build(context: Any, builder: Any, _signature: Any, _arguments: Any) -> Any:
+        builder.function.attributes.add("noinline")
+        return context.get_dummy_value()
+
+    return numba_types.void(), build
+
+
 summing: Any = register_jitable(**OPTIONS, fastmath={"reassoc"})
 """The same for a function whose sums may be taken in any order, so that they become SIMD code.
 Their rounding depends on the processor: not for environments and banks.
 """
+
+
+def selected(choose: Callable[[Any], Any]) -> Any:
+    """Return a function for compiled code. choose: the function that is called, by numba's type of
+    the first argument.
+    """
+
+    def operation(first: Any, *arguments: Any) -> Any:
+        raise NotImplementedError("compiled code only")
+
+    # Not strict: the names of the arguments may differ.
+    @overload(operation, jit_options=OPTIONS, strict=False)
+    def select(first, *arguments):  # type: ignore[no-untyped-def]
+        return choose(first)
+
+    return operation
 
 
 def compiled(function: Callable[..., Any]) -> Any:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_env.core.compilation import internal
+from hybrid_env.core.compilation import internal, seldom, stay_apart
 from hybrid_env.core.elementary import exp, log
 from hybrid_env.core.memory import FloatArray
 from hybrid_env.core.noise import integer_below, uniform
@@ -61,11 +61,12 @@ def _draw_mode_law(state: NDArray[np.uint64], lane: int, kind: int, law: Any) ->
             law[1, k] = law[0, k]
 
 
-@internal
+@seldom
 def draw_law(state: NDArray[np.uint64], lane: int, law: FloatArray) -> None:
     """Draw the laws of straight motion and turns, (2, 2, 3): mode, hump, and offset, span and
     mean.
     """
+    stay_apart()
     kind = integer_below(state, lane, 5)
     if kind == DIFFERENT:
         for turns in range(2):
@@ -77,9 +78,10 @@ def draw_law(state: NDArray[np.uint64], lane: int, law: FloatArray) -> None:
                 law[1, hump, k] = law[0, hump, k]
 
 
-@internal
+@seldom
 def draw_order(state: NDArray[np.uint64], lane: int, order: FloatArray) -> None:
     """Draw the probabilities of the next mode (column) by the present one, (M, M)."""
+    stay_apart()
     modes = order.shape[0]
     strength = max(1.5 * uniform(state, lane) - 0.5, 0.0)
     strength = 0.5 + 0.5 * strength if strength > 0.0 else 0.0
@@ -101,11 +103,12 @@ def draw_from_law(state: NDArray[np.uint64], lane: int, law: FloatArray, longest
     return int(min(max(ticks, 1.0), longest))
 
 
-@internal
+@seldom
 def draw_remaining(state: NDArray[np.uint64], lane: int, law: FloatArray, longest: int) -> int:
     """Return the ticks left at a random moment of segments of one mode; arguments as in
     `draw_from_law`.
     """
+    stay_apart()
     # The random moment is at least 1,000 ticks after the first switch.
     left = -1000 - integer_below(state, lane, 1000)
     while left <= 0:
@@ -113,9 +116,10 @@ def draw_remaining(state: NDArray[np.uint64], lane: int, law: FloatArray, longes
     return min(left, longest)
 
 
-@internal
+@seldom
 def draw_mode(state: NDArray[np.uint64], lane: int, probabilities: FloatArray) -> int:
     """Return a mode with the given probabilities, (M,)."""
+    stay_apart()
     number = uniform(state, lane)
     last = 0
     for mode in range(probabilities.size):

@@ -17,13 +17,13 @@ DECIDED, TERMINATED, BEGUN, HALTED = 1, 2, 4, 8
 
 
 @inlined
-def advance(reset: bool, process: Any, bank_class: type, setting: Any, rare: bool | None) -> int:
+def advance(reset: bool, process: Any, bank_class: type, setting: Any) -> int:
     """Check all actions, then step the blocks of this call; see `kernels.entry_point`.
 
     process: `announced` or `unknown`. Its `prepare_lane` applies the action of a lane or begins its
     next episode, and its `wait_lane` prepares each further tick up to the next decision; both
     return the events of the lane. Its `tick` advances object and bank of some lanes, and its
-    `write_rows` writes their rows. rare: None leaves out the code of rare options.
+    `write_rows` writes their rows.
     """
     arrays = arrays_of(setting)
     for i in range(0 if reset else setting.tracks):
@@ -45,11 +45,9 @@ def advance(reset: bool, process: Any, bank_class: type, setting: Any, rare: boo
                 event = HALTED
                 if ticks > 0:
                     if scratch.running[lane] > 0:
-                        event = process.wait_lane(block, np.uint64(lane), i, bank, setting, rare)
+                        event = process.wait_lane(block, np.uint64(lane), i, bank, setting)
                 elif not reset or arrays.actions[i] != 0:
-                    event = process.prepare_lane(
-                        reset, block, np.uint64(lane), i, bank, setting, rare
-                    )
+                    event = process.prepare_lane(reset, block, np.uint64(lane), i, bank, setting)
                 events |= event
                 runs = event & (TERMINATED | HALTED) == 0
                 scratch.running[lane] = 1 if runs else 0
@@ -62,11 +60,11 @@ def advance(reset: bool, process: Any, bank_class: type, setting: Any, rare: boo
                     # compile to SIMD code.
                     start = np.uint64(first)
                     stop = np.uint64(lanes if all_running else first + 1)
-                    process.tick(b, block, bank, start, stop, setting, rare)
+                    process.tick(b, block, bank, start, stop, setting)
         all_moved = moved == (1 << lanes) - 1
         for first in range(1 if all_moved else lanes):
             if moved & (1 << first):
                 start = np.uint64(first)
                 stop = np.uint64(lanes if all_moved else first + 1)
                 process.write_rows(b, block, bank, start, stop, begun, setting)
-    return events & (DECIDED | TERMINATED)
+    return -1 - setting.tracks if setting.noise_failed else events & (DECIDED | TERMINATED)

@@ -1,8 +1,7 @@
-"""The compiled entry points of the kernel, for each bank and each kind of switches: without rare
-options, with all, and on a live sensor. All other options are read at run time. On a live sensor
-the measurement comes from the caller; all else is computed by the same functions, so that the same
-measurements give the same rows; `irregular` is True in the parameters, because any measurement may
-be missing.
+"""The compiled entry points of the kernel, for each bank: of the environments, and on a live
+sensor. The options are read at run time. On a live sensor the measurement comes from the caller;
+all else is computed by the same functions, so that the same measurements give the same rows;
+`irregular` is True in the parameters, because any measurement may be missing.
 """
 
 import functools
@@ -11,24 +10,10 @@ from typing import Any
 from hybrid_env.core import announced, kernel, unknown
 from hybrid_env.core.bitcode import Kernel, call, load
 from hybrid_env.core.compilation import compiled, prepare
-from hybrid_env.core.memory import DenseBank, DenseImmBank, ImmBank, parameters_at
+from hybrid_env.core.memory import DenseImmBank, ImmBank, parameters_at
 
 # Commands: of the environments the first two, on a live sensor the others.
 STEP, RESET, MEASURE, BEGIN = range(4)
-
-RARE = (
-    "irregular",
-    "missed",
-    "noise_law",
-    "freedom",
-    "bank_rows",
-    "order_rows",
-    "drawn_modes",
-    "drawn_laws",
-)
-"""Parameters of rare options, whose code takes half the time of a compilation. A bank of modes of
-the user always has it.
-"""
 
 
 def entry_point(bank: type, parameters: Any, live: bool) -> Kernel:
@@ -39,20 +24,20 @@ def entry_point(bank: type, parameters: Any, live: bool) -> Kernel:
     command. `STEP` steps every track, and a terminated track begins its next episode; its last
     observation is the one on which the last decision was made. `RESET` begins a new episode on
     every track whose action is not 0. It returns `DECIDED` if any track made a decision, plus
-    `TERMINATED` if any terminated; or, if the action of track i is outside the space, -1 - i, and
-    no track is stepped. On a live sensor the commands are `MEASURE` and `BEGIN`, and it returns 0.
+    `TERMINATED` if any terminated; if the action of track i is outside the space, -1 - i, and no
+    track is stepped; or -1 - N after an exception in the law of the user of N tracks. On a live
+    sensor the commands are `MEASURE` and `BEGIN`, and it returns 0.
     """
-    rare = bank in (DenseBank, DenseImmBank) or any(parameters[name] for name in RARE)
-    function, parameters["kernel"] = _ready(bank, True if live or rare else None, live)
+    function, parameters["kernel"] = _ready(bank, live)
     return function
 
 
 @functools.cache
-def _ready(bank: type, rare: bool | None, live: bool) -> tuple[Kernel, int]:
+def _ready(bank: type, live: bool) -> tuple[Kernel, int]:
     """Return the entry point of a bank, compiled; or if there is its bitcode, `call` and the
     address.
     """
-    kernel = kernel_of(bank, rare, live)
+    kernel = kernel_of(bank, live)
     address = load(kernel.__name__)
     if address:
         return call, address
@@ -61,19 +46,18 @@ def _ready(bank: type, rare: bool | None, live: bool) -> tuple[Kernel, int]:
     return dispatcher, 0
 
 
-def kernel_of(bank: type, rare: bool | None, live: bool) -> Kernel:
+def kernel_of(bank: type, live: bool) -> Kernel:
     """Return the entry point of a bank before it is compiled. Its name and what it refers to
     identify the machine code in the cache.
     """
     process = unknown if bank in (ImmBank, DenseImmBank) else announced
 
     def advance(address: int, command: int) -> int:
-        return kernel.advance(command == RESET, process, bank, parameters_at(address), rare)
+        return kernel.advance(command == RESET, process, bank, parameters_at(address))
 
     def advance_live(address: int, command: int) -> int:
         return process.advance_live(command == BEGIN, bank, parameters_at(address))
 
     function = advance_live if live else advance
-    kind = "live" if live else "all" if rare else "plain"
-    function.__name__ = function.__qualname__ = f"{bank.__name__}_{kind}"
+    function.__name__ = function.__qualname__ = f"{bank.__name__}_{'live' if live else 'all'}"
     return function

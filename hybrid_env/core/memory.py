@@ -340,6 +340,25 @@ INNOVATION = lanes_of(
 """Innovation of one filter at the current tick."""
 
 
+SUMS = Array(
+    lanes_of(
+        # Maximum log posterior, up to a constant.
+        largest=float,
+        # The first hypothesis with the maximum.
+        likeliest=int,
+        # Sum of the likelihoods of the others over the largest; 1 / (1 + this sum).
+        others=float,
+        inverse=float,
+    ),
+    (1,),
+    "thread",
+)
+"""Of the posterior of a bank, see `banks.posterior`."""
+
+LIKELIHOODS = Array(np.float64, ("modes", LANES), "thread")
+"""Of the hypotheses, over the largest."""
+
+
 class PublishedBank(NamedTuple):
     """The bank of a block of tracks, for n radii, M = 2n + 1 hypotheses and A = 1 or 2 distinct
     axes. Column 0 of covariances and gains is straight, column c uses radius c - 1. The blocks of a
@@ -393,6 +412,8 @@ class PublishedBank(NamedTuple):
         ("axes", "columns"),
         "thread",
     )
+    sums: Any = SUMS
+    likelihoods: Any = LIKELIHOODS
 
 
 AWARE_FIELDS: dict[str, Any] = {
@@ -416,60 +437,60 @@ AWARE_HYPOTHESIS = lanes_of(**AWARE_FIELDS)
 
 
 class AnchorAwareBank(NamedTuple):
-    """The bank of a block of tracks, M hypotheses. The blocks of a thread share the innovations."""
+    """The bank of a block of tracks, M hypotheses. The blocks of a thread share all but the
+    filters.
+    """
 
     hypotheses: Any = Array(AWARE_HYPOTHESIS, ("blocks_count", "modes"), "block")
     innovations: Any = Array(INNOVATION, ("modes",), "thread")
+    sums: Any = SUMS
+    likelihoods: Any = LIKELIHOODS
 
 
 class DenseBank(NamedTuple):
-    """The bank of a block of tracks for modes of the user, with announced switches."""
+    """The same bank for modes of the user."""
 
     hypotheses: Any = Array(AWARE_HYPOTHESIS, ("blocks_count", "modes"), "block")
     innovations: Any = Array(INNOVATION, ("modes",), "thread")
+    sums: Any = SUMS
+    likelihoods: Any = LIKELIHOODS
     motions: Any = Array(MOTION, ("modes",), "options")
 
 
-class ImmBank(NamedTuple):
-    """The bank of a block of tracks, M hypotheses. The blocks of a thread share innovations and
-    sums.
-    """
-
-    # State of one filter.
-    hypotheses: Any = Array(
-        lanes_of(
-            # Estimate [m, m/s].
-            x=float,
-            vx=float,
-            y=float,
-            vy=float,
-            # Upper triangle row by row.
-            covariance=(float, 10),
-            log_probability=float,
-            # Of the current tick.
-            log_likelihood=float,
-        ),
-        ("blocks_count", "modes"),
-        "block",
-    )
-    innovations: Any = Array(INNOVATION, ("modes",), "thread")
-    # Maximum log probability before normalization, and the sum relative to it.
-    sums: Any = Array(lanes_of(largest=float, total=float), (1,), "thread")
-
-
+IMM_HYPOTHESIS = lanes_of(
+    # Estimate [m, m/s].
+    x=float,
+    vx=float,
+    y=float,
+    vy=float,
+    # Upper triangle row by row.
+    covariance=(float, 10),
+    log_probability=float,
+    # Of the current tick.
+    log_likelihood=float,
+)
 DENSE_IMM_HYPOTHESIS = lanes_of(**AWARE_FIELDS, log_probability=float)
-"""State of one filter."""
+"""State of one filter, with unknown switches."""
+
+
+class ImmBank(NamedTuple):
+    """The bank of a block of tracks with unknown switches, M hypotheses."""
+
+    hypotheses: Any = Array(IMM_HYPOTHESIS, ("blocks_count", "modes"), "block")
+    innovations: Any = Array(INNOVATION, ("modes",), "thread")
+    sums: Any = SUMS
+    likelihoods: Any = LIKELIHOODS
+    # Initial conditions of the filters in a tick.
+    mixed: Any = Array(IMM_HYPOTHESIS, ("modes",), "thread")
 
 
 class DenseImmBank(NamedTuple):
-    """The bank of a block of tracks for modes of the user or any transition matrix, with unknown
-    switches.
-    """
+    """The same bank for modes of the user or any transition matrix."""
 
     hypotheses: Any = Array(DENSE_IMM_HYPOTHESIS, ("blocks_count", "modes"), "block")
     innovations: Any = Array(INNOVATION, ("modes",), "thread")
-    sums: Any = Array(lanes_of(largest=float, total=float), (1,), "thread")
-    # Initial conditions of the filters in a tick.
+    sums: Any = SUMS
+    likelihoods: Any = LIKELIHOODS
     mixed: Any = Array(DENSE_IMM_HYPOTHESIS, ("modes",), "thread")
     motions: Any = Array(MOTION, ("modes",), "options")
     # Probability of a mode (column) in a tick by that in the tick before.
@@ -508,14 +529,10 @@ class Arrays(NamedTuple):
             running=int,
             # From `noise.draw_noise`.
             noise=(float, 7),
-            # Maximum log-likelihood of the hypotheses.
-            largest=float,
-            # Number of other hypotheses with the maximum.
-            ties=float,
             # ln(1 - maximum posterior), equal priors.
             log_error=float,
-            # ln(1 - maximum posterior of a type), equal priors of the hypotheses.
-            log_type_error=float,
+            # The likelihood of all other types over that of the likeliest one.
+            type_ratio=float,
         ),
         (1,),
         "thread",
@@ -640,9 +657,8 @@ PARAMETERS = np.dtype(
         *(
             (name, np.bool_)
             for name in (
-                # Measurements may be missing or of different variances; a sensor is a radar.
+                # Measurements may be missing or of different variances.
                 "irregular",
-                "radar",
                 # The radius must be correct, not only the type.
                 "exact",
                 # An action declares the most likely hypothesis of a type.
@@ -657,6 +673,8 @@ PARAMETERS = np.dtype(
                 "random_scheme",
                 # The bank knows the first mode.
                 "start_known",
+                # Set by the kernel: the function of a law of the user has raised an exception.
+                "noise_failed",
             )
         ),
         # The address of the function of a law of the user, see `noise`.

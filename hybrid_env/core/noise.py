@@ -13,7 +13,7 @@ import numpy as np
 from numba import carray, cfunc, njit, types
 from numpy.typing import NDArray
 
-from hybrid_env.core.compilation import formula, inlined, internal
+from hybrid_env.core.compilation import formula, inlined, internal, seldom, stay_apart
 from hybrid_env.core.elementary import ONE, exp, float_of, log, sine_cosine
 from hybrid_env.core.errors import ArgumentError
 from hybrid_env.core.memory import LANES, FloatArray, address_as
@@ -92,57 +92,71 @@ def integer_below(state: NDArray[np.uint64], lane: int, bound: int) -> np.int64:
 
 @internal
 def draw_noise(
-    state: NDArray[np.uint64],
-    noise: FloatArray,
-    first: int,
-    last: int,
-    setting: Any,
-    rare: bool | None,
-    ahead: int | None,
+    state: NDArray[np.uint64], noise: FloatArray, first: int, last: int, setting: Any
 ) -> None:
-    """Draw the noise of one tick for lanes first .. last - 1, (7, LANES), or of consecutive ticks
-    of the lane `ahead` into columns first .. last - 1. Rows 0 and 1 are draws of N(0, 1), of
-    magnitude below 8.5, for the velocities; 2 and 3 errors of the measured coordinates over
-    sqrt(R), normal if `rare` is None; row `LOST` is uniform in [0, 1) if measurements may be
-    missing.
+    """Draw the noise of one tick for lanes first .. last - 1, (7, LANES). Rows 0 and 1 are draws of
+    N(0, 1), of magnitude below 8.5, for the velocities; 2 and 3 errors of the measured coordinates
+    over sqrt(R); row `LOST` is uniform in [0, 1) if measurements may be missing.
     """
-    for column in range(first, last):
-        lane = column if ahead is None else ahead
-        _draw_uniforms(state, lane, noise, column)
-        if rare is not None and (setting.noise_law != GAUSSIAN or setting.missed > 0.0):
-            _draw_further(state, lane, noise, column, setting)
-    _to_noise(noise, first, last, setting, rare)
+    if setting.noise_law == GAUSSIAN and setting.missed == 0.0:
+        draw_normals(state, noise, first, last, None)
+    else:
+        _draw_by_law(state, noise, first, last, setting)
 
 
 @internal
-def _draw_further(
-    state: NDArray[np.uint64], lane: int, noise: FloatArray, column: int, setting: Any
+def draw_normals(
+    state: NDArray[np.uint64], noise: FloatArray, first: int, last: int, ahead: int | None
 ) -> None:
+    """Draw rows 0 to 3 of the noise, all of them of N(0, 1), see `draw_noise`; or of consecutive
+    ticks of the lane `ahead` into columns first .. last - 1.
+    """
+    for column in range(first, last):
+        _draw_uniforms(state, column if ahead is None else ahead, noise, column)
+    _to_normals(noise, 0, first, last)
+    _to_normals(noise, 2, first, last)
+
+
+@seldom
+def _draw_by_law(
+    state: NDArray[np.uint64], noise: FloatArray, first: int, last: int, setting: Any
+) -> None:
+    """Draw the noise of measurements that may be missing, or of another law; see `draw_noise`."""
+    stay_apart()
+    for lane in range(first, last):
+        _draw_uniforms(state, lane, noise, lane)
+        _draw_further(state, lane, noise, setting)
+    _to_noise(noise, first, last, setting)
+
+
+@internal
+def _draw_further(state: NDArray[np.uint64], lane: int, noise: FloatArray, setting: Any) -> None:
     """Draw the uniform numbers that only some settings need: rows 4 and 5 for the law, and
     `LOST`.
     """
     if setting.noise_law == OUTLIERS or setting.noise_law == LEVY or setting.noise_law == OWN:
-        noise[4, column] = uniform(state, lane)
+        noise[4, lane] = uniform(state, lane)
     if setting.noise_law == LEVY or setting.noise_law == OWN:
-        noise[5, column] = uniform(state, lane)
+        noise[5, lane] = uniform(state, lane)
     if setting.missed > 0.0:
-        noise[LOST, column] = uniform(state, lane)
+        noise[LOST, lane] = uniform(state, lane)
 
 
 @inlined
-def _to_noise(noise: FloatArray, first: int, last: int, setting: Any, rare: bool | None) -> None:
+def _to_noise(noise: FloatArray, first: int, last: int, setting: Any) -> None:
     """Transform the uniforms in columns first .. last - 1 to normals and to draws of the law."""
     _to_normals(noise, 0, first, last)
-    if rare is not None and setting.noise_law == LEVY:
+    if setting.noise_law == LEVY:
         _to_stable(noise, first, last, setting)
-    elif rare is not None and setting.noise_law == STUDENT_T:
+    elif setting.noise_law == STUDENT_T:
         _to_student(noise, first, last, setting)
-    elif rare is not None and setting.noise_law == OWN:
+    elif setting.noise_law == OWN:
+        # An exception here would tie the bitcode of a kernel to numba.
         if not _function_at(setting.noise_function)(noise.ctypes, first, last):
-            raise ArgumentError("noise: `draw` raised the exception that is printed above")
+            setting.noise_failed = True
     else:
         _to_normals(noise, 2, first, last)
-    if rare is not None and setting.noise_law == OUTLIERS:
+    if setting.noise_law == OUTLIERS:
         for column in range(first, last):
             factor = setting.noise_scale if noise[4, column] < setting.noise_shape else 1.0
             noise[2, column] *= factor
@@ -207,6 +221,11 @@ def _to_student(noise: FloatArray, first: int, last: int, setting: Any) -> None:
         sine, cosine = sine_cosine(2.0 * math.pi * noise[3, column])
         noise[2, column] = max(min(radius * cosine, clip), -clip)
         noise[3, column] = max(min(radius * sine, clip), -clip)
+
+
+def draw_failed() -> ArgumentError:
+    """Return the error of a law of the user whose function has raised an exception."""
+    return ArgumentError("noise: `draw` raised the exception that is printed above")
 
 
 _COLUMNS = types.boolean(types.CPointer(types.float64), types.intp, types.intp)

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from hybrid_env.core.banks.bank import estimate_of, likeliest
 from hybrid_env.core.compilation import formula, inlined, internal
-from hybrid_env.core.elementary import exp, log
-from hybrid_env.core.memory import FloatArray, IntArray, Records, state_of
+from hybrid_env.core.elementary import log
+from hybrid_env.core.memory import FloatArray, state_of
 from hybrid_env.core.motion import heading_vector
 
 # Lower clip of log-likelihood ratios and log-probabilities.
@@ -20,8 +20,6 @@ LOG_FLOOR = -30.0
 LARGEST = 1e6
 # Clip of the values of the anchor, so that those of a diverged filter fit in a float32.
 LARGEST_ANCHOR = 1e30
-# Smaller log-likelihood ratios do not change a clipped log-probability.
-NEGLIGIBLE = -100.0
 
 # Scales that bring typical values to the order of one.
 LOG_SCALE = 0.1
@@ -136,76 +134,12 @@ def write_segment(
 
 
 @inlined
-def compare_hypotheses(scratch: Any, hypotheses: Records, first: int, last: int) -> None:
-    """Compute the maximum log-likelihood and the log error probability of lanes first .. last -
-    1.
-    """
-    for lane in range(first, last):
-        scratch.largest[lane] = hypotheses[0].log_likelihood[lane]
-        scratch.log_error[lane] = 0.0
-        # The most likely hypothesis is counted below.
-        scratch.ties[lane] = -1.0
-    for h in range(1, hypotheses.size):
-        kalman = hypotheses[h]
-        for lane in range(first, last):
-            scratch.largest[lane] = max(scratch.largest[lane], kalman.log_likelihood[lane])
-    for h in range(hypotheses.size):
-        kalman = hypotheses[h]
-        for lane in range(first, last):
-            ratio = kalman.log_likelihood[lane] - scratch.largest[lane]
-            # Ties are counted separately: a sum with 1 would lose the digits of small terms.
-            below = ratio < 0.0
-            scratch.log_error[lane] += exp(max(ratio, NEGLIGIBLE)) if below else 0.0
-            scratch.ties[lane] += 0.0 if below else 1.0
-    for lane in range(first, last):
-        scratch.log_error[lane] = log_error_probability(
-            scratch.log_error[lane] + scratch.ties[lane]
-        )
-
-
-@inlined
-def compare_types(
-    scratch: Any,
-    hypotheses: Records,
-    types: IntArray,
-    likelihoods: FloatArray,
-    first: int,
-    last: int,
-) -> None:
-    """Compute the log error probability of the likeliest type of lanes first .. last - 1, after
-    `compare_hypotheses`. types: (M,) of every hypothesis; likelihoods: (types, LANES), overwritten.
-    """
-    for of_type in range(likelihoods.shape[0]):
-        for lane in range(first, last):
-            likelihoods[of_type, lane] = 0.0
-    for h in range(hypotheses.size):
-        kalman = hypotheses[h]
-        of_type = types[h]
-        for lane in range(first, last):
-            ratio = kalman.log_likelihood[lane] - scratch.largest[lane]
-            likelihoods[of_type, lane] += exp(max(ratio, NEGLIGIBLE))
-    for lane in range(first, last):
-        likeliest_type = 0
-        for of_type in range(1, likelihoods.shape[0]):
-            if likelihoods[of_type, lane] > likelihoods[likeliest_type, lane]:
-                likeliest_type = of_type
-        # The sum of the smaller ones is not a difference, which would lose the digits of small
-        # terms.
-        others = 0.0
-        for of_type in range(likelihoods.shape[0]):
-            others += likelihoods[of_type, lane] if of_type != likeliest_type else 0.0
-        ratio = others / likelihoods[likeliest_type, lane]
-        scratch.log_type_error[lane] = log_error_probability(ratio)
-
-
-@inlined
-def mask_declarations(mask: NDArray[np.int8], scratch: Any, lane: int, setting: Any) -> None:
+def mask_declarations(mask: NDArray[np.int8], others: float, setting: Any) -> None:
     """Write whether declarations count, (actions,): the posterior of a mode, or of a type,
-    reaches `evidence`.
+    reaches `evidence`. others: as in `log_error_probability`.
     """
-    log_error = scratch.log_error[lane] if setting.exact else scratch.log_type_error[lane]
     # A comparison with NaN is False, so that a declaration counts.
-    early = log_error > setting.log_error_allowed
+    early = log_error_probability(others) > setting.log_error_allowed
     for action in range(1, mask.size):
         mask[action] = 0 if early else 1
 
@@ -258,15 +192,16 @@ def write_tick(
     row: NDArray[np.float32], block: Any, lane: int, scratch: Any, bank: Any, setting: Any
 ) -> None:
     """Write the values of a row, (6 M + 11,), that change with every tick, after
-    `compare_hypotheses`.
+    `posterior.compare`.
     """
     M = bank.hypotheses.size
+    largest = bank.sums[0].largest[lane]
     heading_x = block.heading[0, lane]
     heading_y = block.heading[1, lane]
     for h in range(M):
         kalman = bank.hypotheses[h]
         innovation = bank.innovations[h]
-        row[h] = LOG_SCALE * max(kalman.log_likelihood[lane] - scratch.largest[lane], LOG_FLOOR)
+        row[h] = LOG_SCALE * max(kalman.log_likelihood[lane] - largest, LOG_FLOOR)
         row[M + h], row[2 * M + h] = innovation_in_frame(innovation, lane, heading_x, heading_y)
         # Negative only by rounding.
         row[3 * M + h] = max(innovation.log_variance[lane] - setting.log_noise, 0.0)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_env.core.compilation import formula, inlined, internal
+from hybrid_env.core.compilation import formula, internal, seldom, stay_apart
 from hybrid_env.core.memory import SEGMENT_COLUMNS, FloatArray, Records, state_of, write_lane
 from hybrid_env.core.motion import (
     heading_vector,
@@ -18,7 +18,7 @@ from hybrid_env.core.motion import (
     rows_of_matrix,
     turn_centre,
 )
-from hybrid_env.core.noise import LOST, draw_noise, uniform
+from hybrid_env.core.noise import LOST, draw_noise, draw_normals, uniform
 from hybrid_env.core.polar import add_information, fused_position, range_rate, to_position
 from hybrid_env.core.vectors import Vector, combination, product
 
@@ -37,7 +37,7 @@ def draw_first_estimate(block: Any, noise: FloatArray, lane: int, setting: Any) 
     block.truth[0, lane], block.truth[2, lane] = 0.0, 0.0
     block.truth[1, lane] = setting.speed * math.cos(heading)
     block.truth[3, lane] = setting.speed * math.sin(heading)
-    draw_noise(block.random_state, noise, lane, lane + np.uint64(1), setting, None, None)
+    draw_normals(block.random_state, noise, lane, lane + np.uint64(1), None)
     block.clock[lane] = 0
     write_lane(block.noise, lane, (1.0, 0.0, 1.0))
     xx = setting.initial_position * setting.variance_x
@@ -78,8 +78,7 @@ def _own_noise(
     """
     u, v, error_x, error_y = noise[0, column], noise[1, column], noise[2, column], noise[3, column]
     first = np.uint64(column)
-    last = first + np.uint64(1)
-    draw_noise(block.random_state, noise, first, last, setting, None, lane)
+    draw_normals(block.random_state, noise, first, first + np.uint64(1), lane)
     normals = (u, v, noise[0, column], noise[1, column], noise[2, column], noise[3, column])
     noise[2, column], noise[3, column] = error_x, error_y
     return product(rows_of_matrix(motion.noise), normals)
@@ -136,7 +135,7 @@ def move_lane(
     block.tick[lane] += 1
 
 
-@inlined
+@seldom
 def _sense(
     block: Any,
     lane: int,
@@ -150,12 +149,13 @@ def _sense(
     sensor draws random numbers in every tick, so that the stream does not depend on where the
     object is.
     """
+    stay_apart()
     clock, truth, first, last = block.clock[lane], block.truth, lane, lane + np.uint64(1)
     # Over that of one sensor of variance R.
     information = (0.0, 0.0, 0.0, 0.0, 0.0)
     for k in range(sensors.size):
         sensor = sensors[k]
-        draw_noise(block.random_state, noise, first, last, setting, True, None)
+        draw_noise(block.random_state, noise, first, last, setting)
         # The first draw also moves the object.
         if k == 0:
             move_lane(block, lane, noise, lane, motions, setting)
@@ -166,7 +166,7 @@ def _sense(
         noise_x = noise[2, lane]
         noise_y = noise[3, lane]
         if sensor.rate_row >= 0:
-            draw_noise(block.random_state, noise, first, last, setting, True, None)
+            draw_noise(block.random_state, noise, first, last, setting)
             rate = (
                 range_rate(x, y, truth[1, lane], truth[3, lane])
                 + sensor.rate_deviation * noise[2, lane]
@@ -222,20 +222,19 @@ def move(
     sensors: Records,
     motions: Records | None,
     setting: Any,
-    rare: bool | None,
 ) -> None:
     """Move the objects of lanes first .. last - 1 by one tick and measure their positions, without
     sensors with variance R everywhere. noise: (7, LANES), overwritten; motions: as in
     `begin_motion`.
     """
-    if rare is not None and sensors.size > 0:
+    if sensors.size > 0:
         for lane in range(first, last):
             _sense(block, lane, noise, sensors, motions, setting)
         return
-    draw_noise(block.random_state, noise, first, last, setting, rare, None)
+    draw_noise(block.random_state, noise, first, last, setting)
     for lane in range(first, last):
         move_lane(block, lane, noise, lane, motions, setting)
-    if rare is not None and setting.missed > 0.0:
+    if setting.missed > 0.0:
         for lane in range(first, last):
             if noise[LOST, lane] < setting.missed:
                 block.measurement[0, lane] = block.measurement[1, lane] = np.nan

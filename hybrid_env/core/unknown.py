@@ -3,7 +3,6 @@ statement changes nothing but its reward, so that every sequence of statements s
 measurements. On a live sensor the measurements come from the caller.
 """
 
-import math
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from hybrid_env.core.banks.bank import filter_model, motions_of
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.habits import draw_from_law, draw_law, draw_mode, draw_order, draw_remaining
 from hybrid_env.core.kernel import HALTED, TERMINATED
-from hybrid_env.core.memory import LANES, FloatArray, Records, arrays_of
+from hybrid_env.core.memory import LANES, arrays_of
 from hybrid_env.core.noise import integer_below, uniform
 from hybrid_env.core.observation_row import write_quickest_row, write_trace
 from hybrid_env.core.true_object import begin_motion, draw_first_estimate, move
@@ -24,19 +23,11 @@ FIRST_DURATIONS, OTHER_DURATIONS = 0, 1
 
 @internal
 def _begin_segment(
-    block: Any,
-    lane: int,
-    i: int,
-    mode: int,
-    half: int,
-    bank: Any,
-    arrays: Any,
-    setting: Any,
-    rare: bool | None,
+    block: Any, lane: int, i: int, mode: int, half: int, bank: Any, arrays: Any, setting: Any
 ) -> None:
     """Begin a segment of a mode; half: of the table of durations."""
     block.true_mode[lane] = mode
-    if rare is not None and setting.drawn_laws > 0:
+    if setting.drawn_laws > 0:
         law = arrays.drawn_law[i, 1 if mode > 0 else 0]
         longest = setting.ticks + 1
         if half == FIRST_DURATIONS and not setting.start_known:
@@ -53,13 +44,11 @@ def _begin_segment(
 
 
 @inlined
-def _begin_episode(
-    block: Any, lane: int, i: int, bank: Any, arrays: Any, setting: Any, rare: bool | None
-) -> None:
+def _begin_episode(block: Any, lane: int, i: int, bank: Any, arrays: Any, setting: Any) -> None:
     """Begin an episode of track i with a segment of a random mode."""
-    if rare is not None and setting.drawn_laws > 0:
+    if setting.drawn_laws > 0:
         draw_law(block.random_state, lane, arrays.drawn_law[i])
-    if rare is not None and setting.drawn_modes > 0:
+    if setting.drawn_modes > 0:
         draw_order(block.random_state, lane, arrays.drawn_order[i])
     draw_first_estimate(block, arrays.scratch[0].noise, lane, setting)
     mode = integer_below(block.random_state, lane, arrays.table.shape[0])
@@ -67,25 +56,23 @@ def _begin_episode(
     block.time[lane] = 0
     block.stated_mode[lane] = 0
     block.stated_ticks[lane] = 0
-    _begin_segment(block, lane, i, mode, FIRST_DURATIONS, bank, arrays, setting, rare)
+    _begin_segment(block, lane, i, mode, FIRST_DURATIONS, bank, arrays, setting)
     operations.begin_imm(bank, block, lane, mode if setting.start_known else -1)
 
 
 @inlined
-def _switch(
-    block: Any, lane: int, i: int, bank: Any, arrays: Any, setting: Any, rare: bool | None
-) -> None:
+def _switch(block: Any, lane: int, i: int, bank: Any, arrays: Any, setting: Any) -> None:
     """Begin the next segment, with one of the other modes."""
     before = block.true_mode[lane]
-    if rare is not None and setting.drawn_modes > 0:
+    if setting.drawn_modes > 0:
         mode = draw_mode(block.random_state, lane, arrays.drawn_order[i, before])
-    elif rare is not None and setting.order_rows > 0:
+    elif setting.order_rows > 0:
         mode = draw_mode(block.random_state, lane, arrays.order[before])
     else:
         other = integer_below(block.random_state, lane, arrays.table.shape[0] - 1)
         mode = other + (1 if other >= before else 0)
     block.segment[lane] += 1
-    _begin_segment(block, lane, i, mode, OTHER_DURATIONS, bank, arrays, setting, rare)
+    _begin_segment(block, lane, i, mode, OTHER_DURATIONS, bank, arrays, setting)
 
 
 @inlined
@@ -101,7 +88,7 @@ def record_statement(block: Any, lane: int, stated: int) -> bool:
 
 
 @internal
-def _state(block: Any, lane: int, i: int, bank: Any, setting: Any, rare: bool | None) -> int:
+def _state(block: Any, lane: int, i: int, bank: Any, setting: Any) -> int:
     """Reward the statement of track i for the present tick. Returns the events of the lane."""
     arrays = arrays_of(setting)
     changed = record_statement(block, lane, arrays.actions[i])
@@ -111,65 +98,40 @@ def _state(block: Any, lane: int, i: int, bank: Any, setting: Any, rare: bool | 
         arrays.terminated[i] = True
         return TERMINATED
     if block.tick[lane] == block.length[lane]:
-        _switch(block, lane, i, bank, arrays, setting, rare)
+        _switch(block, lane, i, bank, arrays, setting)
     return 0
 
 
 @internal
-def prepare_lane(
-    reset: bool, block: Any, lane: int, i: int, bank: Any, setting: Any, rare: bool | None
-) -> int:
+def prepare_lane(reset: bool, block: Any, lane: int, i: int, bank: Any, setting: Any) -> int:
     """Apply the action of track i, or begin its next episode. Returns the events of the lane."""
     arrays = arrays_of(setting)
     block.trace_length[lane] = 0
     arrays.rewards[i] = 0.0
     if reset or arrays.terminated[i]:
-        _begin_episode(block, lane, i, bank, arrays, setting, rare)
+        _begin_episode(block, lane, i, bank, arrays, setting)
         arrays.terminated[i] = False
         return 0
-    return _state(block, lane, i, bank, setting, rare)
+    return _state(block, lane, i, bank, setting)
 
 
 @internal
-def wait_lane(block: Any, lane: int, i: int, bank: Any, setting: Any, rare: bool | None) -> int:
+def wait_lane(block: Any, lane: int, i: int, bank: Any, setting: Any) -> int:
     """Repeat the statement of track i; a new episode halts for its first one. Returns the events
     of the lane.
     """
     if block.stated_ticks[lane] == 0:
         return HALTED
-    return _state(block, lane, i, bank, setting, rare)
+    return _state(block, lane, i, bank, setting)
 
 
 @internal
-def step_irregular(
-    bank: Any, block: Any, first: int, last: int, radii: FloatArray, sensors: Records, setting: Any
-) -> None:
-    """Advance every filter where measurements may be missing or of different variances, lane by
-    lane.
-    """
-    for lane in range(first, last):
-        if math.isnan(block.measurement[0, lane]) or setting.radar:
-            model = filter_model(setting, 1.0, True)
-            operations.sense_imm(bank, block, lane, radii, sensors, model)
-        else:
-            of_tick = filter_model(setting, block.noise[0, lane], True)
-            stop = np.uint64(lane + 1)
-            operations.step_imm(bank, block, np.uint64(lane), stop, radii, of_tick)
-
-
-@internal
-def tick(
-    b: int, block: Any, bank: Any, first: int, last: int, setting: Any, rare: bool | None
-) -> None:
+def tick(b: int, block: Any, bank: Any, first: int, last: int, setting: Any) -> None:
     """Advance object and bank of lanes first .. last - 1 of block b, and count the tick."""
     arrays = arrays_of(setting)
-    motions = motions_of(bank)
-    move(block, arrays.scratch[0].noise, first, last, arrays.sensors, motions, setting, rare)
-    if rare is not None and setting.irregular:
-        step_irregular(bank, block, first, last, arrays.radii, arrays.sensors, setting)
-    else:
-        model = filter_model(setting, 1.0, rare)
-        operations.step_imm(bank, block, first, last, arrays.radii, model)
+    sensors = arrays.sensors
+    move(block, arrays.scratch[0].noise, first, last, sensors, motions_of(bank), setting)
+    operations.step_imm(bank, block, first, last, arrays.radii, sensors, filter_model(setting))
     for lane in range(first, last):
         block.time[lane] += 1
         write_trace(arrays.trace[b * LANES + lane], block, lane, block.stated_mode[lane])
@@ -207,7 +169,8 @@ def advance_live(begins: bool, bank_class: type, setting: Any) -> int:
         if begins:
             continue
         first, last = np.uint64(0), np.uint64(lanes)
-        step_irregular(bank, block, first, last, arrays.radii, arrays.sensors, setting)
+        model = filter_model(setting)
+        operations.step_imm(bank, block, first, last, arrays.radii, arrays.sensors, model)
         for lane in range(first, last):
             block.time[lane] += 1
         write_rows(b, block, bank, first, last, 0, setting)

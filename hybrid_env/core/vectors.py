@@ -115,6 +115,58 @@ def widened(_typing: Any, triangle: Any) -> Any:
     return _code(triangle, (triangle,), compute)
 
 
+def resized(states: int) -> Any:
+    """Return the compiled function of the covariance of some states that returns that of the first
+    `states` of them, or of so many of which the last ones have no variance.
+    """
+
+    @intrinsic
+    def resize(_typing: Any, triangle: Any) -> Any:
+        result = types.UniTuple(types.float64, states * (states + 1) // 2)
+
+        def compute(_builder: Any, entries: Any) -> Any:
+            given = len(_symmetric(entries))
+            pairs = combinations_with_replacement(range(states), 2)
+            nothing = entries[0].type(0.0)
+            return [_symmetric(entries)[i][k] if k < given else nothing for i, k in pairs]
+
+        return _code(result, (triangle,), compute)
+
+    return resize
+
+
+def conditioned(state: int) -> Any:
+    """Return the compiled function (P, p, R / sigma, 1 / sigma) of a covariance P, its row p of a
+    state that is measured with the variance R, and sigma = p_state + R: P - p p' / sigma, whose row
+    of the state is p R / sigma, which avoids cancellation.
+    """
+
+    @intrinsic
+    def condition(_typing: Any, triangle: Any, row: Any, left: Any, inverse: Any) -> Any:
+        def compute(builder: Any, entries: Any, values: Any, left: Any, inverse: Any) -> Any:
+            scaled = [builder.fmul(value, inverse) for value in values]
+            result = []
+            pairs = combinations_with_replacement(range(len(values)), 2)
+            for entry, (i, k) in zip(entries, pairs, strict=True):
+                if state in (i, k):
+                    result.append(builder.fmul(values[k if i == state else i], left))
+                else:
+                    result.append(builder.fsub(entry, builder.fmul(scaled[i], values[k])))
+            return result
+
+        return _code(triangle, (triangle, row, left, inverse), compute)
+
+    return condition
+
+
+@intrinsic
+def upper_triangle(_typing: Any, rows: Any) -> Any:
+    """Return the triangle of a symmetric matrix from its rows."""
+    pairs = list(combinations_with_replacement(range(len(rows)), 2))
+    result = types.UniTuple(types.float64, len(pairs))
+    return _code(result, (rows,), lambda _, values: [values[k][i] for i, k in pairs])
+
+
 @intrinsic
 def minus_square(_typing: Any, triangle: Any, vector: Any, factor: Any) -> Any:
     """Return P - factor v v' of a symmetric matrix P and a vector v."""

@@ -2,11 +2,11 @@
 turn radii, 0 is straight, 1 .. n are left turns, n + 1 .. 2n are right turns.
 """
 
+import math
 from typing import Any, NamedTuple
 
-from numba.extending import overload
-
-from hybrid_env.core.compilation import OPTIONS, formula, internal
+from hybrid_env.core.banks.filter import Filter, of_four, of_seven
+from hybrid_env.core.compilation import formula, internal, selected
 from hybrid_env.core.memory import (
     FloatArray,
     IntArray,
@@ -16,7 +16,9 @@ from hybrid_env.core.memory import (
     allocate,
     declared,
     four_of,
+    triangle_of,
     write_four,
+    write_lane,
 )
 from hybrid_env.core.vectors import Vector
 
@@ -30,38 +32,42 @@ class FilterModel(NamedTuple):
     variance_y: float
     stay_probability: float = 1.0
     switch_probability: float = 0.0
-    freedom: float | None = 0.0
+    freedom: float = 0.0
     exact_anchor: float = 0.0
     drift_variance: float = 0.0
 
 
 @formula
-def filter_model(setting: Any, ratio: float, rare: bool | None) -> FilterModel:
-    """Return the model of the filters for a measurement whose variance over R is `ratio`. rare:
-    None leaves out the code of a robust likelihood.
-    """
-    freedom = None if rare is None else setting.freedom
+def filter_model(setting: Any) -> FilterModel:
+    """Return the model of the filters from a record `memory.PARAMETERS`."""
     return FilterModel(
         setting.tau,
         setting.process_variance,
-        ratio * setting.variance_x,
-        ratio * setting.variance_y,
+        setting.variance_x,
+        setting.variance_y,
         setting.stay_probability,
         setting.switch_probability,
-        freedom,
+        setting.freedom,
         setting.exact_anchor,
         setting.drift_variance,
     )
 
 
-def motions_of(bank: Any) -> Any:
-    """Return the modes, records `MOTION`; None where all are straight motion and turns."""
-    return getattr(bank, "motions", None)
+@formula
+def alike(measured: Any, first: int, last: int, sensors: Records, model: FilterModel) -> bool:
+    """Return whether all of some lanes have a position of variance R, with normal errors, by which
+    `filter.correct` corrects them at once; else `sensing.correct_by_sensors` does one by one.
+    """
+    missing = 0
+    for lane in range(first, last):
+        missing += 1 if math.isnan(measured.measurement[0, lane]) else 0
+    return sensors.size == 0 and model.freedom == 0.0 and missing == 0
 
 
-@overload(motions_of, jit_options=OPTIONS)
-def _select_motions(bank):  # type: ignore[no-untyped-def]
-    return (lambda bank: bank.motions) if "motions" in bank.fields else (lambda bank: None)
+motions_of = selected(
+    lambda bank: (lambda bank: bank.motions) if "motions" in bank.fields else (lambda bank: None)
+)
+"""Return the modes of a bank, records `MOTION`; None where all are straight motion and turns."""
 
 
 @formula
@@ -100,6 +106,14 @@ def signed_radius(hypothesis: int, radii: FloatArray) -> float:
     return (
         radii[hypothesis - 1] if hypothesis <= radii.size else -radii[hypothesis - radii.size - 1]
     )
+
+
+@formula
+def radius_of(motion: Any, hypothesis: int, radii: FloatArray) -> float:
+    """Return the same of a hypothesis whose mode is from `motion_at`; 0 if it is no turn."""
+    if motion is None:
+        return signed_radius(hypothesis, radii)
+    return float(motion.signed_radius)
 
 
 @formula
@@ -179,8 +193,50 @@ def set_covariance(kalman: Any, lane: int, p: Vector) -> None:
     write_four(P, 24, lane, p[24:])
 
 
+@formula
+def _read_seven(kalman: Any, lane: int) -> Filter:
+    return state_of(kalman, lane), covariance7(kalman, lane)
+
+
+@formula
+def _read_four(kalman: Any, lane: int) -> Filter:
+    estimate = kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane]
+    return estimate, triangle_of(kalman.covariance, lane)
+
+
+@formula
+def _write_seven(kalman: Any, lane: int, state: Vector, p: Vector) -> None:
+    set_state(kalman, lane, state)
+    set_covariance(kalman, lane, p)
+
+
+@formula
+def _write_four(kalman: Any, lane: int, state: Vector, p: Vector) -> None:
+    set_estimate(kalman, lane, state)
+    write_lane(kalman.covariance, lane, p)
+
+
+@formula
+def _estimate_in_seven(kalman: Any, lane: int, estimate: State, p: Triangle4) -> None:
+    _write_seven(kalman, lane, (*estimate, 0.0, 0.0, 0.0), of_seven(p))
+
+
+def _by_states(seven: Any, four: Any) -> Any:
+    """Return an operation on a filter of seven or of four states."""
+    return selected(lambda kalman: seven if "centre_x" in kalman.fields else four)
+
+
+read_filter = _by_states(_read_seven, _read_four)
+"""Return state and covariance of a filter."""
+
+write_filter = _by_states(_write_seven, _write_four)
+"""Set state and covariance of a filter."""
+
+write_estimate = _by_states(_estimate_in_seven, _write_four)
+"""Set [x, vx, y, vy] of a filter and their covariance; other states become 0."""
+
+
 @internal
 def covariance_of(kalman: Any, lane: int) -> Triangle4:
     """Return the covariance of [x, vx, y, vy] of one filter, upper triangle row by row."""
-    p = covariance7(kalman, lane)
-    return p[:4] + p[7:10] + p[13:15] + p[18:19]
+    return of_four(covariance7(kalman, lane))

@@ -2,14 +2,13 @@
 Blom & Bar-Shalom 1988, "The interacting multiple model algorithm for systems with Markovian
 switching coefficients".
 
-Each of M hypotheses has a Kalman filter of a coordinated turn and a probability, whose logarithm is
-stored, so that none is lost in an outlier. The mode is a Markov chain whose transition matrix has 1
-- hazard on the diagonal and hazard / (M - 1) elsewhere. A tick has three steps:
+Each of M hypotheses has a Kalman filter and a probability, whose logarithm is stored, so that none
+is lost in an outlier. The mode is a Markov chain. A tick has three steps:
 
-1. Mixing. The mode before the tick, given the mode h in the tick, is h with the probability w and
-   otherwise distributed as without this knowledge. Filter h therefore starts from a normal
-   distribution with mean and covariance of a mixture of two terms: its own estimate, with weight w,
-   and the merged estimate of all filters.
+1. Mixing. Filter h starts from mean and covariance of the mixture of all filters, weighted by the
+   probabilities of the modes before the tick, given the mode h in the tick. If all transition
+   probabilities to other modes are equal, this is a mixture of two terms: its own estimate, with
+   the probability w that the mode was h, and the merged estimate of all filters.
 2. Every filter predicts, is corrected by the measurement, and gives its log-likelihood.
 3. Mean and covariance of the mixture of all filters are the merged estimate.
 
@@ -17,129 +16,96 @@ In every tick of a coordinated turn the object turns by the angle a = speed * ta
 centre that follows from its velocity: Golubkov 2018, eq. (1), with the switch at the present tick.
 Its filter therefore needs no anchor. The angle follows from the estimated velocity and is then
 treated as known, because the turn rate of the object does not change with the process noise of a
-segment. The state is [x, vx, y, vy], with the suffixes x, u, y and v below; a covariance is its
-upper triangle row by row, 10 numbers. A filter that diverges keeps its initial condition and
-becomes unlikely, so that no NaN occurs.
+segment. The bank of straight motion and turns with equal transitions, `ImmBank`, has filters of
+[x, vx, y, vy]. Those of modes of the user have the seven states of `anchor_aware`: a mode without
+accelerations sets them to 0, and one with an acceleration along the heading has that of the
+estimated heading. A filter that diverges keeps its state and becomes unlikely, so that no NaN
+occurs.
 """
 
 import math
 from typing import Any
 
-import numpy as np
-
-from hybrid_env.core.banks.bank import estimate_of, set_estimate, signed_radius
-from hybrid_env.core.banks.kalman import weigh
-from hybrid_env.core.banks.mixture import NEGLIGIBLE, merge, normalize
-from hybrid_env.core.banks.sensing import DIVERGED, LARGEST, correct_by_sensors
-from hybrid_env.core.compilation import formula, inlined, internal
-from hybrid_env.core.elementary import exp, log, sine_cosine
+from hybrid_env.core.banks.bank import (
+    alike,
+    motion_at,
+    motions_of,
+    radius_of,
+    read_filter,
+    write_estimate,
+    write_filter,
+)
+from hybrid_env.core.banks.filter import (
+    Corrected,
+    Filter,
+    correct,
+    of_four,
+    of_seven,
+    predict_coordinated,
+    predict_linear,
+)
+from hybrid_env.core.banks.posterior import compare, write_covariance, write_mean
+from hybrid_env.core.banks.sensing import correct_by_sensors
+from hybrid_env.core.compilation import formula, internal, selected
+from hybrid_env.core.elementary import exp, log
 from hybrid_env.core.memory import (
+    DenseImmBank,
     FloatArray,
     ImmBank,
     Records,
-    State,
     Triangle4,
     state_of,
     triangle_of,
-    write_lane,
 )
-from hybrid_env.core.motion import LARGEST_ANGLE
-from hybrid_env.core.vectors import choose, combination, minus_square, widened
+from hybrid_env.core.motion import heading_vector
+from hybrid_env.core.vectors import Vector, combination, minus_square, widened
 
-
-@inlined
-def turn_coefficients(angle: float, tau: float) -> State:
-    """Return (C, S, along, across) of a turn by an angle a in a tick of length tau: the new
-    velocity is (C u - S v, S u + C v), with C = cos a and S = sin a; the position changes by (along
-    u - across v, across u + along v), with along = tau sin(a) / a, across = tau (1 - cos a) / a
-    [s].
-    """
-    half = 0.5 * angle
-    sine, cosine = sine_cosine(half)
-    quotient = sine / half if half != 0.0 else 1.0
-    # Half angles avoid the cancellation of 1 - cos a.
-    return (
-        1.0 - 2.0 * sine * sine,
-        2.0 * sine * cosine,
-        tau * quotient * cosine,
-        tau * quotient * sine,
-    )
-
-
-@inlined
-def predict_covariance(p: Triangle4, turn: State, model: Any) -> Triangle4:
-    """Return the predicted covariance F P F' + Q of a `FilterModel`, F the transition matrix; turn:
-    from `turn_coefficients`.
-    """
-    xx, xu, xy, xv, uu, uy, uv, yy, yv, vv = p
-    C, S, along, across = turn
-    Q, drift = model.process_variance, model.drift_variance
-    # Covariance of the new position with the old velocity.
-    x_u = xu + along * uu - across * uv
-    x_v = xv + along * uv - across * vv
-    y_u = uy + across * uu + along * uv
-    y_v = yv + across * uv + along * vv
-    # Covariance of the new velocity with the old one.
-    u_u = C * uu - S * uv
-    u_v = C * uv - S * vv
-    v_u = S * uu + C * uv
-    v_v = S * uv + C * vv
-    return (
-        xx + along * (x_u + xu) - across * (x_v + xv) + drift,
-        C * x_u - S * x_v,
-        xy + across * x_u + along * x_v + along * uy - across * yv,
-        S * x_u + C * x_v,
-        C * u_u - S * u_v + Q,
-        C * y_u - S * y_v,
-        S * u_u + C * u_v,
-        yy + across * (y_u + uy) + along * (y_v + yv) + drift,
-        S * y_u + C * y_v,
-        S * v_u + C * v_v + Q,
-    )
+# Smaller log probabilities count as this one.
+NEGLIGIBLE = -700.0
+# Probability of a mode that no transition leads to.
+UNREACHABLE = 1e-300
+NO_STATE: Vector = (0.0,) * 7
+NO_COVARIANCE: Vector = (0.0,) * 28
 
 
 @formula
-def condition_x(p: Triangle4, inverse: float, variance: float) -> Triangle4:
-    """Return the corrected covariance P - K H P after a measurement of x with variance R. inverse:
-    1 / innovation variance [1/m^2].
-    """
-    xx, xu, xy, xv, uu, uy, uv, yy, yv, vv = p
-    # The row of the measured coordinate is K R, which avoids cancellation.
-    left = variance * inverse
-    gain_u = xu * inverse
-    gain_y = xy * inverse
-    gain_v = xv * inverse
-    # Variances are bounded below, so that rounding does not make them negative.
-    return (
-        xx * left,
-        xu * left,
-        xy * left,
-        xv * left,
-        max(uu - gain_u * xu, gain_u * gain_u * variance),
-        uy - gain_u * xy,
-        uv - gain_u * xv,
-        max(yy - gain_y * xy, gain_y * gain_y * variance),
-        yv - gain_y * xv,
-        max(vv - gain_v * xv, gain_v * gain_v * variance),
-    )
+def _read_estimate(kalman: Any, lane: int) -> Filter:
+    """Return estimate and covariance of [x, vx, y, vy] of a filter."""
+    state, p = read_filter(kalman, lane)
+    return state[:4], of_four(p)
 
 
-@inlined
-def exchange_axes(p: Triangle4) -> Triangle4:
-    """Return the covariance of [y, vy, x, vx]."""
-    xx, xu, xy, xv, uu, uy, uv, yy, yv, vv = p
-    return yy, yv, xy, uy, vv, xv, uv, xx, xu, uu
+@formula
+def _write(kalman: Any, mixed: Any, innovation: Any, lane: int, corrected: Corrected) -> None:
+    """Set a filter to what it is after a measurement, without normalizing its probability."""
+    state, p, told, likelihood = corrected
+    write_filter(kalman, lane, state, p)
+    innovation.white_x[lane], innovation.white_y[lane], innovation.log_variance[lane] = told
+    kalman.log_likelihood[lane] = likelihood
+    kalman.log_probability[lane] = mixed.log_probability[lane] + likelihood
+
+
+@formula
+def _log_probability(kalman: Any) -> FloatArray:
+    values: FloatArray = kalman.log_probability
+    return values
 
 
 @internal
-def begin_imm(bank: ImmBank, block: Any, lane: int, known: int) -> None:
+def covariance(bank: Any, hypothesis: int, lane: int) -> Triangle4:
+    """Return the covariance of [x, vx, y, vy] of one hypothesis, upper triangle row by row."""
+    return _read_estimate(bank.hypotheses[hypothesis], lane)[1]
+
+
+@internal
+def begin_imm(bank: Any, block: Any, lane: int, known: int) -> None:
     """Start every filter of a lane from the merged estimate of the block. known: the mode before
     the first tick; -1 if it is not known, all equally probable.
     """
     for h in range(bank.hypotheses.size):
         kalman = bank.hypotheses[h]
-        set_estimate(kalman, lane, state_of(block.estimate, lane))
-        write_lane(kalman.covariance, lane, triangle_of(block.covariance, lane))
+        estimate, spread = state_of(block.estimate, lane), triangle_of(block.covariance, lane)
+        write_estimate(kalman, lane, estimate, spread)
         if known < 0:
             kalman.log_probability[lane] = -math.log(bank.hypotheses.size)
         else:
@@ -147,154 +113,145 @@ def begin_imm(bank: ImmBank, block: Any, lane: int, known: int) -> None:
         kalman.log_likelihood[lane] = 0.0
 
 
-@formula
-def _covariance(kalman: Any, lane: int) -> Triangle4:
-    """Return the covariance of a filter."""
-    return triangle_of(kalman.covariance, lane)
-
-
-@formula
-def mix(kalman: Any, block: Any, lane: int, model: Any) -> tuple[float, State, Triangle4]:
-    """Return the prior probability of a mode in the tick, and its mixed initial condition."""
-    probability = exp(max(kalman.log_probability[lane], NEGLIGIBLE))
-    from_itself = (model.stay_probability - model.switch_probability) * probability
-    prior = from_itself + model.switch_probability
-    weight = from_itself / prior
-    rest = 1.0 - weight
-    merged = state_of(block.estimate, lane)
-    estimate = kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane]
-    difference = combination((1.0, -1.0), (estimate, merged))
-    mean = combination((1.0, weight), (merged, difference))
-    # The covariance of a mixture of two normal distributions.
-    covariances = _covariance(kalman, lane), triangle_of(block.covariance, lane)
-    within = combination((weight, rest), covariances)
-    return prior, mean, minus_square(within, difference, -(weight * rest))
-
-
-@formula
-def predict(mean: State, mixed: Triangle4, curvature: float, model: Any) -> tuple[State, Triangle4]:
-    """Return the predicted estimate of a filter and its covariance; curvature: 1 / radius,
-    positive to the left.
+@internal
+def _mix_equally(bank: ImmBank, block: Any, first: int, last: int, model: Any) -> None:
+    """Write the prior probability of every mode in the tick and the mixed initial condition of its
+    filter to `mixed`, if the transition probabilities to all other modes are equal.
     """
-    x, u, y, v = mean
-    angle = curvature * math.sqrt(u * u + v * v) * model.tau
-    turn = turn_coefficients(max(min(angle, LARGEST_ANGLE), -LARGEST_ANGLE), model.tau)
-    C, S, along, across = turn
-    predicted = predict_covariance(widened(mixed), turn, model)
-    new_x = x + along * u - across * v
-    new_y = y + across * u + along * v
-    return (new_x, C * u - S * v, new_y, S * u + C * v), widened(predicted)
+    for h in range(bank.hypotheses.size):
+        kalman, mixed = bank.hypotheses[h], bank.mixed[h]
+        for lane in range(first, last):
+            probability = exp(max(kalman.log_probability[lane], NEGLIGIBLE))
+            from_itself = (model.stay_probability - model.switch_probability) * probability
+            prior = from_itself + model.switch_probability
+            weight = from_itself / prior
+            merged = state_of(block.estimate, lane)
+            estimate, spread = read_filter(kalman, lane)
+            difference = combination((1.0, -1.0), (estimate, merged))
+            mean = combination((1.0, weight), (merged, difference))
+            # The covariance of a mixture of two normal distributions.
+            spreads = spread, triangle_of(block.covariance, lane)
+            within = combination((weight, 1.0 - weight), spreads)
+            spread = minus_square(within, difference, -(weight * (1.0 - weight)))
+            write_estimate(mixed, lane, mean, spread)
+            mixed.log_probability[lane] = log(prior)
+
+
+@formula
+def _brought(kalman: Any, lane: int, stays: bool) -> Filter:
+    """Return state and covariance that a filter brings to a mode; at a switch to another mode
+    without accelerations.
+    """
+    state, p = read_filter(kalman, lane)
+    if stays:
+        return state, p
+    return (*state[:4], 0.0, 0.0, 0.0), of_seven(of_four(p))
 
 
 @internal
-def _step_hypothesis(
-    kalman: Any, innovation: Any, block: Any, first: int, last: int, curvature: float, model: Any
-) -> None:
-    """Mix, predict and correct one filter of lanes first .. last - 1, without normalizing its
-    probability.
+def _mix_mode(bank: DenseImmBank, h: int, first: int, last: int) -> None:
+    """Write the same for mode h and any transition matrix. Blom & Bar-Shalom 1988, interaction
+    step.
     """
-    variance_x, variance_y = model.variance_x, model.variance_y
+    mixed = bank.mixed[h]
+    modes = bank.hypotheses.size
     for lane in range(first, last):
-        prior, mean, mixed = mix(kalman, block, lane, model)
-        moved, predicted = predict(mean, mixed, curvature, model)
-        # Sequential corrections by x and y; the product of both densities is the joint density.
-        sigma_x = predicted[0] + variance_x
-        inverse_x = 1.0 / sigma_x
-        innovation_x = block.measurement[0, lane] - moved[0]
-        gain_x = innovation_x * inverse_x
-        after_x = exchange_axes(condition_x(predicted, inverse_x, variance_x))
-        sigma_y = after_x[0] + variance_y
-        inverse_y = 1.0 / sigma_y
-        innovation_y = block.measurement[1, lane] - (moved[2] + predicted[2] * gain_x)
-        gain_y = innovation_y * inverse_y
-        corrected = exchange_axes(condition_x(after_x, inverse_y, variance_y))
-        white_x = innovation_x * math.sqrt(inverse_x)
-        white_y = innovation_y * math.sqrt(inverse_y)
-        log_variance = 0.5 * (log(sigma_x) + log(sigma_y))
-
-        # These comparisons are False for NaN and for values that would lead to NaN.
-        valid = (
-            (sigma_x + sigma_y < LARGEST * LARGEST)
-            & (predicted[4] + predicted[9] < LARGEST * LARGEST)
-            & (abs(innovation_x) + abs(innovation_y) + abs(moved[1]) + abs(moved[3]) < LARGEST)
-        )
-        weight, likelihood = weigh(white_x, white_y, log_variance, model.freedom)
-        factors = 1.0, weight * gain_x, weight * gain_y
-        estimate = combination(factors, (moved, predicted[:4], after_x[2:4] + after_x[:2]))
-        set_estimate(kalman, lane, choose(valid, estimate, mean))
-        write_lane(kalman.covariance, lane, choose(valid, corrected, mixed))
-        likelihood = likelihood if valid else -DIVERGED
-        innovation.white_x[lane] = white_x if valid else 0.0
-        innovation.white_y[lane] = white_y if valid else 0.0
-        innovation.log_variance[lane] = log_variance if valid else 0.0
-        kalman.log_likelihood[lane] = likelihood
-        kalman.log_probability[lane] = log(prior) + likelihood
+        mixed.log_probability[lane] = 0.0
+        write_filter(mixed, lane, NO_STATE, NO_COVARIANCE)
+    for g in range(modes):
+        kalman = bank.hypotheses[g]
+        for lane in range(first, last):
+            probability = exp(max(kalman.log_probability[lane], NEGLIGIBLE))
+            mixed.log_probability[lane] += bank.transitions[g, h] * probability
+    for lane in range(first, last):
+        mixed.log_probability[lane] = log(max(mixed.log_probability[lane], UNREACHABLE))
+    own = bank.hypotheses[h]
+    for g in range(modes):
+        kalman = bank.hypotheses[g]
+        for lane in range(first, last):
+            before = max(kalman.log_probability[lane], NEGLIGIBLE)
+            weight = bank.transitions[g, h] * exp(before - mixed.log_probability[lane])
+            state, p = _brought(kalman, lane, g == h)
+            # Differences to the filter of the mode itself lose no digits far from the origin.
+            difference = combination((1.0, -1.0), (state, read_filter(own, lane)[0]))
+            square = minus_square(p, difference, -1.0)
+            sums, spread = read_filter(mixed, lane)
+            sums = combination((1.0, weight), (sums, difference))
+            write_filter(mixed, lane, sums, combination((1.0, weight), (spread, square)))
+    for lane in range(first, last):
+        difference, p = read_filter(mixed, lane)
+        state = combination((1.0, 1.0), (difference, read_filter(own, lane)[0]))
+        write_filter(mixed, lane, state, minus_square(widened(p), difference, 1.0))
 
 
-@inlined
-def _curvature(hypothesis: int, radii: FloatArray) -> float:
-    """Return the curvature of a hypothesis [1/m], positive to the left."""
-    radius = signed_radius(hypothesis, radii)
-    return 0.0 if radius == 0.0 else 1.0 / radius
+@internal
+def _mix_by_matrix(bank: DenseImmBank, block: Any, first: int, last: int, model: Any) -> None:
+    """Write the same for all modes."""
+    for h in range(bank.hypotheses.size):
+        _mix_mode(bank, h, first, last)
+
+
+_mix = selected(lambda bank: _mix_by_matrix if "transitions" in bank.fields else _mix_equally)
+
+
+@internal
+def _predict(mixed: Any, first: int, last: int, curvature: float, motion: Any, model: Any) -> None:
+    """Replace the initial condition of a filter of lanes first .. last - 1 by its prediction.
+    curvature: of the mode [1/m], positive to the left; motion: a record `MOTION`; None is a turn.
+    """
+    if motion is None or curvature != 0.0:
+        for lane in range(first, last):
+            estimate, p = _read_estimate(mixed, lane)
+            estimate, p = predict_coordinated(estimate, p, curvature, model)
+            write_estimate(mixed, lane, estimate, p)
+        return
+    if motion.acceleration != 0.0:
+        acceleration = motion.acceleration
+        for lane in range(first, last):
+            estimate, p = _read_estimate(mixed, lane)
+            _, heading_x, heading_y = heading_vector(estimate[1], estimate[3])
+            write_estimate(mixed, lane, estimate, p)
+            mixed.centre_x[lane] = acceleration * heading_x
+            mixed.centre_y[lane] = acceleration * heading_y
+    for lane in range(first, last):
+        state, p = read_filter(mixed, lane)
+        state, p = predict_linear(state, p, motion)
+        write_filter(mixed, lane, state, p)
 
 
 @internal
 def step_imm(
-    bank: ImmBank, block: Any, first: int, last: int, radii: FloatArray, model: Any
+    bank: Any, block: Any, first: int, last: int, radii: FloatArray, sensors: Records, model: Any
 ) -> None:
     """Advance every filter, its probability and the merged estimate of lanes first .. last - 1 by
-    one tick. block: with `measurement`, (2, LANES), and `estimate` and `covariance` of the merged
-    estimate.
+    one tick. block: with the fields of `memory.MEASURED`, and `estimate` and `covariance` of the
+    merged estimate. Without a measurement, NaN, the probabilities follow the Markov chain, and
+    innovations are zero, with the variance of a measurement.
     """
+    motions, at_once = motions_of(bank), alike(block, first, last, sensors, model)
+    _mix(bank, block, first, last, model)
+    for h in range(bank.hypotheses.size):
+        kalman, mixed, innovation = bank.hypotheses[h], bank.mixed[h], bank.innovations[h]
+        motion = motion_at(motions, h)
+        radius = radius_of(motion, h, radii)
+        curvature = 0.0 if radius == 0.0 else 1.0 / radius
+        _predict(mixed, first, last, curvature, motion, model)
+        if not at_once:
+            for lane in range(first, last):
+                before, moved = read_filter(kalman, lane), read_filter(mixed, lane)
+                after = correct_by_sensors(before, moved, block, lane, sensors, model)
+                _write(kalman, mixed, innovation, lane, after)
+        else:
+            for lane in range(first, last):
+                before, moved = read_filter(kalman, lane), read_filter(mixed, lane)
+                after = correct(before, moved, block.measurement, lane, model)
+                _write(kalman, mixed, innovation, lane, after)
+    compare(bank, _log_probability, first, last)
     for h in range(bank.hypotheses.size):
         kalman = bank.hypotheses[h]
-        innovation = bank.innovations[h]
-        _step_hypothesis(kalman, innovation, block, first, last, _curvature(h, radii), model)
-    normalize(bank, first, last)
-    merge(bank, block, first, last, _covariance)
-
-
-@internal
-def sense_imm(
-    bank: ImmBank, block: Any, lane: int, radii: FloatArray, sensors: Records, model: Any
-) -> None:
-    """Advance every filter of a lane by one tick without a measurement, or by all that the sensors
-    measure, see `sensing`. Without one the probabilities follow the Markov chain, and innovations
-    are zero, with the variance of a measurement.
-    """
-    first, last = np.uint64(lane), np.uint64(lane + 1)
-    for h in range(bank.hypotheses.size):
-        kalman = bank.hypotheses[h]
-        innovation = bank.innovations[h]
-        prior, mean, mixed = mix(kalman, block, lane, model)
-        moved, predicted = predict(mean, mixed, _curvature(h, radii), model)
-        finite = (predicted[0] + predicted[7] < LARGEST * LARGEST) & (
-            predicted[4] + predicted[9] < LARGEST * LARGEST
-        )
-        # Also False for NaN.
-        finite &= abs(moved[1]) + abs(moved[3]) < LARGEST
-        set_estimate(kalman, lane, moved if finite else mean)
-        write_lane(kalman.covariance, lane, predicted if finite else mixed)
-        sigma_x = kalman.covariance[0, lane] + model.variance_x
-        sigma_y = kalman.covariance[7, lane] + model.variance_y
-        innovation.white_x[lane] = innovation.white_y[lane] = 0.0
-        innovation.log_variance[lane] = 0.5 * (log(sigma_x) + log(sigma_y))
-        kalman.log_likelihood[lane] = 0.0
-        kalman.log_probability[lane] = log(prior)
-    normalize(bank, first, last)
-    measures = not math.isnan(block.measurement[0, lane])
-    for h in range(bank.hypotheses.size if measures else 0):
-        kalman = bank.hypotheses[h]
-        innovation = bank.innovations[h]
-        state, p = estimate_of(bank.hypotheses, h, lane), triangle_of(kalman.covariance, lane)
-        corrected, q, measured, valid = correct_by_sensors(state, p, block, lane, sensors, model)
-        set_estimate(kalman, lane, corrected)
-        write_lane(kalman.covariance, lane, q)
-        innovation.white_x[lane], innovation.white_y[lane] = measured[0], measured[1]
-        innovation.log_variance[lane] = measured[2]
-        likelihood = measured[3] if valid else -DIVERGED
-        kalman.log_likelihood[lane] = likelihood
-        kalman.log_probability[lane] += likelihood
-    if measures:
-        normalize(bank, first, last)
-    merge(bank, block, first, last, _covariance)
+        for lane in range(first, last):
+            # The first difference is exact where it matters, also for very small likelihoods.
+            ratio = kalman.log_probability[lane] - bank.sums[0].largest[lane]
+            kalman.log_probability[lane] = ratio + log(bank.sums[0].inverse[lane])
+    write_mean(bank, block, first, last)
+    write_covariance(bank, block, first, last, covariance)

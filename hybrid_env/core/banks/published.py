@@ -1,14 +1,16 @@
 """The published bank of Kalman filters, one per hypothesis: straight, left turns, right turns.
-Golubkov 2018, eq. (2) and (4), with the scalar formulas of `kalman`. The covariances depend on the
-turn rate but not on the data, also with the robust likelihood: the left and the right turn of a
-radius share them, and so do both axes if their measurement variances are equal.
+Golubkov 2018, eq. (2) and (4). Centre and turn rate are exact and the noise covariances diagonal,
+so that a filter separates into two of (position, velocity), one per axis. Their covariances depend
+on the turn rate but not on the data: the left and the right turn of a radius share them, and so do
+both axes if their measurement variances are equal. With sensors or a robust likelihood the bank is
+the anchor-aware one with an exact anchor.
 """
 
 import math
 from typing import Any
 
 from hybrid_env.core.banks.bank import radius_column, set_estimate, signed_radius
-from hybrid_env.core.banks.kalman import correct_covariance, kalman_gain, predict_covariance, weigh
+from hybrid_env.core.banks.filter import condition_x, log_likelihood
 from hybrid_env.core.compilation import formula, internal
 from hybrid_env.core.elementary import log
 from hybrid_env.core.memory import FloatArray, PublishedBank, Records, State, Triangle4
@@ -19,6 +21,10 @@ from hybrid_env.core.motion import (
     propagate,
     turn_centre,
 )
+from hybrid_env.core.vectors import sandwich
+
+Axis = tuple[float, float, float]
+"""Covariance of (position, velocity) of one axis: xx, xv, vv [m^2, m^2/s, m^2/s^2]."""
 
 
 @internal
@@ -55,15 +61,12 @@ def begin(
 
 
 @formula
-def _predicted(shared: Any, lane: int, process_variance: float) -> tuple[float, float, float]:
-    """Return the predicted covariance of one radius and axis."""
-    return predict_covariance(
-        (shared.xx[lane], shared.xv[lane], shared.vv[lane]),
-        shared.cosine[lane],
-        shared.sine_velocity[lane],
-        shared.sine_position[lane],
-        process_variance,
-    )
+def _predicted(shared: Any, lane: int, process_variance: float) -> Axis:
+    """Return the predicted covariance xx, xv, vv of one radius and axis."""
+    C, S, W = shared.cosine[lane], shared.sine_velocity[lane], shared.sine_position[lane]
+    p = shared.xx[lane], shared.xv[lane], shared.vv[lane]
+    xx, xv, vv = sandwich(((C, S), (-W, C)), p)
+    return xx, xv, vv + process_variance
 
 
 @formula
@@ -84,12 +87,15 @@ def step(
     stop: int,
     first: int,
     last: int,
-    measurement: FloatArray,
+    measured: Any,
+    sensors: Records,
     model: Any,
 ) -> None:
     """Advance filters lowest .. stop - 1, all or one, and their log-likelihoods of lanes first ..
-    last - 1 by one tick with a measurement, (2, LANES) [m]. Golubkov 2018, eq. (2) and (4).
+    last - 1 by one tick. Golubkov 2018, eq. (2) and (4). measured: a record with the fields of
+    `memory.MEASURED`; without a measurement, NaN, the filters are only predicted. sensors: none.
     """
+    measurement = measured.measurement
     axes, columns = bank.covariances.shape
     first_column = radius_column(lowest, columns - 1)
     last_column = radius_column(stop - 1, columns - 1)
@@ -102,15 +108,21 @@ def step(
             shared = bank.covariances[axis, column]
             gain = bank.gains[axis, column]
             for lane in range(first, last):
-                covariance = _predicted(shared, lane, model.process_variance)
+                xx, xv, vv = _predicted(shared, lane, model.process_variance)
                 # Sigma = H P H' + R.
-                innovation_variance = covariance[0] + variance
-                gain_x, gain_v = kalman_gain(covariance, innovation_variance)
-                xx, xv, vv = correct_covariance(covariance, gain_x, gain_v, variance)
-                shared.xx[lane], shared.xv[lane], shared.vv[lane] = xx, xv, vv
-                gain.gain_x[lane], gain.gain_v[lane] = gain_x, gain_v
-                gain.whitener[lane] = math.sqrt(1.0 / innovation_variance)
-                gain.log_variance[lane] = log(innovation_variance)
+                sigma = xx + variance
+                seen = not math.isnan(measurement[0, lane])
+                # Without a measurement nothing changes.
+                inverse = 1.0 / sigma if seen else 0.0
+                left = variance * inverse if seen else 1.0
+                gain.gain_x[lane], gain.gain_v[lane] = xx * inverse, xv * inverse
+                gain.whitener[lane] = math.sqrt(inverse)
+                gain.log_variance[lane] = log(sigma)
+                # Bounded below, so that rounding does not make the covariance indefinite if the
+                # predicted variances are very large compared with R.
+                least = gain.gain_v[lane] * gain.gain_v[lane] * variance
+                xx, xv, vv = condition_x((xx, xv, vv), (xx, xv), left, inverse)
+                shared.xx[lane], shared.xv[lane], shared.vv[lane] = xx, xv, max(vv, least)
     for h in range(bank.hypotheses.size):
         if h < lowest or h >= stop:
             continue
@@ -121,49 +133,22 @@ def step(
         of_x = bank.gains[0, column]
         of_y = bank.gains[axes - 1, column]
         for lane in range(first, last):
+            seen = not math.isnan(measurement[0, lane])
             x, vx, y, vy = predict_estimate(kalman, shared, lane)
-            innovation_x = measurement[0, lane] - x
-            innovation_y = measurement[1, lane] - y
+            innovation_x = measurement[0, lane] - x if seen else 0.0
+            innovation_y = measurement[1, lane] - y if seen else 0.0
             white_x = innovation_x * of_x.whitener[lane]
             white_y = innovation_y * of_y.whitener[lane]
             log_variance = 0.5 * (of_x.log_variance[lane] + of_y.log_variance[lane])
-            weight, likelihood = weigh(white_x, white_y, log_variance, model.freedom)
-            kalman.x[lane] = x + of_x.gain_x[lane] * (weight * innovation_x)
-            kalman.vx[lane] = vx + of_x.gain_v[lane] * (weight * innovation_x)
-            kalman.y[lane] = y + of_y.gain_x[lane] * (weight * innovation_y)
-            kalman.vy[lane] = vy + of_y.gain_v[lane] * (weight * innovation_y)
+            kalman.x[lane] = x + of_x.gain_x[lane] * innovation_x
+            kalman.vx[lane] = vx + of_x.gain_v[lane] * innovation_x
+            kalman.y[lane] = y + of_y.gain_x[lane] * innovation_y
+            kalman.vy[lane] = vy + of_y.gain_v[lane] * innovation_y
             innovation.white_x[lane] = white_x
             innovation.white_y[lane] = white_y
             innovation.log_variance[lane] = log_variance
-            kalman.log_likelihood[lane] += likelihood
-
-
-@internal
-def sense(
-    bank: PublishedBank, lane: int, lowest: int, stop: int, block: Any, sensors: Records, model: Any
-) -> None:
-    """Advance filters lowest .. stop - 1 of a lane by one tick without a measurement: only the
-    prediction of eq. (2). With a radar the bank is the anchor-aware one with an exact anchor,
-    because the axes are not independent.
-    """
-    axes, columns = bank.covariances.shape
-    for axis in range(axes):
-        variance = model.variance_x if axis == 0 else model.variance_y
-        for column in range(columns):
-            shared = bank.covariances[axis, column]
-            xx, xv, vv = _predicted(shared, lane, model.process_variance)
-            shared.xx[lane], shared.xv[lane], shared.vv[lane] = xx, xv, vv
-            bank.gains[axis, column].log_variance[lane] = log(xx + variance)
-    for h in range(lowest, stop):
-        kalman = bank.hypotheses[h]
-        innovation = bank.innovations[h]
-        column = radius_column(h, columns - 1)
-        set_estimate(kalman, lane, predict_estimate(kalman, bank.covariances[0, column], lane))
-        innovation.white_x[lane] = innovation.white_y[lane] = 0.0
-        innovation.log_variance[lane] = 0.5 * (
-            bank.gains[0, column].log_variance[lane]
-            + bank.gains[axes - 1, column].log_variance[lane]
-        )
+            likelihood = log_likelihood(white_x, white_y, log_variance)
+            kalman.log_likelihood[lane] += likelihood if seen else 0.0
 
 
 @internal

@@ -1,7 +1,8 @@
 """The correction of a filter by what the sensors measure: a position with any covariance, and range
 rates. It is corrected by the coordinates along the principal axes of the position's covariance,
 whose errors are independent, and then by one range rate after the other, linearised at the estimate
-corrected so far. A filter has four states, or the seven of `extended_kalman`.
+corrected so far. The likelihood may be a robust one. A filter has any number of states, see
+`filter`.
 """
 
 import math
@@ -9,19 +10,20 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_env.core.banks.kalman import LOG_TWO_PI
+from hybrid_env.core.banks.filter import (
+    DIVERGED,
+    LARGEST,
+    LOG_TWO_PI,
+    Corrected,
+    Filter,
+    correct,
+    uncorrected,
+)
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import log
 from hybrid_env.core.memory import MOST_RATES, FloatArray, Records, State
 from hybrid_env.core.polar import range_rate
 from hybrid_env.core.vectors import Vector, combination, minus_square, rows_of, widened
-
-# [m] or [m/s]; a filter with larger values has diverged.
-LARGEST = 1e12
-# Tolerance of a negative variance, relative to the predicted variance.
-ROUNDING = 1e-6
-# Decrease of the log-likelihood in a tick of a diverged filter.
-DIVERGED = 1e3
 
 
 @internal
@@ -66,22 +68,17 @@ def correct_scalar(
     rows = rows_of(p)
     k = combination(h, rows[:4])
     sigma = a * k[0] + b * k[1] + c * k[2] + d * k[3] + variance
-    inverse = 1.0 / sigma
-    # The widening exceeds the rounding errors of the difference, however small the variance.
-    corrected = minus_square(widened(p), k, inverse)
-    left = rows_of(corrected)
     # These comparisons are False for NaN and for values that would lead to NaN.
     valid = (
         (sigma > 0.5 * variance)
-        & (sigma < LARGEST * LARGEST)
+        & (sigma + rows[1][1] + rows[3][3] < LARGEST * LARGEST)
         & (abs(innovation) + abs(state[1]) + abs(state[3]) < LARGEST)
-        & (left[0][0] >= -ROUNDING * rows[0][0])
-        & (left[1][1] >= -ROUNDING * rows[1][1])
-        & (left[2][2] >= -ROUNDING * rows[2][2])
-        & (left[3][3] >= -ROUNDING * rows[3][3])
     )
     if not valid:
         return state, p, (0.0, 0.0, False)
+    inverse = 1.0 / sigma
+    # The widening exceeds the rounding errors of the difference, however small the variance.
+    corrected = minus_square(widened(p), k, inverse)
     moved = combination((1.0, innovation * inverse), (state, k))
     return moved, corrected, (innovation * math.sqrt(inverse), log(sigma), True)
 
@@ -110,19 +107,29 @@ def _rate_model(state: Vector, p: Vector, rate: float, sensor: Any) -> tuple[Sta
 
 @internal
 def correct_by_sensors(
-    state: Vector, p: Vector, block: Any, lane: int, sensors: Records, model: Any
-) -> tuple[Vector, Vector, State, bool]:
-    """Correct a predicted filter by all that is measured in a tick: a position, and range rates of
-    the sensors. Returns state, covariance, (whitened innovation x and y, mean logarithm of its
-    variance, log-likelihood), and False if the filter has diverged: then state and covariance are
-    the predicted ones.
+    before: Filter, moved: Filter, measured: Any, lane: int, sensors: Records, model: Any
+) -> Corrected:
+    """Return a filter corrected by all that is measured in a tick: a position, and range rates of
+    the sensors, or by nothing; as `filter.correct`. measured: a record with the fields of
+    `memory.MEASURED`.
+
+    With a freedom > 0 innovations have a Student t distribution whose scale matrix is the
+    innovation variance. All corrections of a tick have the weight (freedom + k) / (freedom + d^2),
+    d^2 the squared whitened innovation of k values, at most 1: Agamennoni, Nieto & Nebot 2012,
+    "Approximate inference in state-space models with heavy-tailed noise", with one iteration, and
+    Lange, Little & Taylor 1989, eq. (4). The covariances stay those of the Kalman filter.
     """
-    noise, R = block.noise, model.variance_x
+    if math.isnan(measured.measurement[0, lane]):
+        return uncorrected(before, moved, model)
+    # With the rounding of lanes that are corrected at once.
+    if sensors.size == 0 and model.freedom == 0.0:
+        return correct(before, moved, measured.measurement, lane, model)
     cosine, sine, first, second = principal_axes(
-        R * noise[0, lane], R * noise[1, lane], R * noise[2, lane]
+        model.variance_x * measured.noise[0, lane],
+        model.variance_x * measured.noise[1, lane],
+        model.variance_y * measured.noise[2, lane],
     )
-    after = state
-    q = p
+    after, q = moved
     valid = True
     white_first = 0.0
     white_second = 0.0
@@ -134,14 +141,14 @@ def correct_by_sensors(
         if k < 0:
             h_x, h_y, variance = (cosine, sine, first) if k == -2 else (-sine, cosine, second)
             h = h_x, 0.0, h_y, 0.0
-            x = block.measurement[0, lane] - after[0]
-            y = block.measurement[1, lane] - after[2]
+            x = measured.measurement[0, lane] - after[0]
+            y = measured.measurement[1, lane] - after[2]
             innovation = h_x * x + h_y * y
         else:
             row = sensors[k].rate_row
-            if row < 0 or math.isnan(block.rates[row, lane]):
+            if row < 0 or math.isnan(measured.rates[row, lane]):
                 continue
-            h, innovation, variance = _rate_model(after, q, block.rates[row, lane], sensors[k])
+            h, innovation, variance = _rate_model(after, q, measured.rates[row, lane], sensors[k])
         after, q, (white, log_sigma, fits) = correct_scalar(after, q, h, innovation, variance)
         valid &= fits
         distance += white * white
@@ -154,16 +161,15 @@ def correct_by_sensors(
             log_variance += 0.5 * log_sigma
         else:
             log_rates += 0.5 * (LOG_TWO_PI + log_sigma)
+    if not valid:
+        return before[0], before[1], (0.0, 0.0, 2.0 * math.log(LARGEST)), -DIVERGED
     likelihood = -0.5 * distance
-    # All corrections of a tick have one weight, see `kalman.weigh`.
     if model.freedom > 0.0:
         likelihood = -0.5 * (model.freedom + count) * log(1.0 + distance / model.freedom)
         w = min((model.freedom + count) / (model.freedom + distance), 1.0)
-        change = combination((1.0, -1.0), (after, state))
-        after = combination((1.0, w), (state, change))
-    if not valid:
-        return state, p, (0.0, 0.0, 0.0, 0.0), False
+        change = combination((1.0, -1.0), (after, moved[0]))
+        after = combination((1.0, w), (moved[0], change))
     white_x = cosine * white_first - sine * white_second
     white_y = sine * white_first + cosine * white_second
     likelihood -= LOG_TWO_PI + log_variance + log_rates
-    return after, q, (white_x, white_y, log_variance, likelihood), True
+    return after, q, (white_x, white_y, log_variance), likelihood

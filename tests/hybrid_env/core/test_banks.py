@@ -26,9 +26,7 @@ from hybrid_env import (
     Radar,
     Sensor,
 )
-from hybrid_env.core.banks.kalman import correct_covariance, kalman_gain, predict_covariance
 from hybrid_env.core.memory import LANES
-from hybrid_env.core.motion import motion_coefficients
 from hybrid_env.live import SQUARE, LiveTracks
 
 STATE = ("x", "vx", "y", "vy")
@@ -287,16 +285,14 @@ def test_the_anchor_is_the_mixture_of_the_filters():
 @pytest.mark.parametrize(("tau", "rate"), [(0.1, 0.0), (1e4, 1e-6), (1e9, 0.3)])
 def test_a_covariance_much_larger_than_the_noise_stays_positive_semidefinite(tau, rate):
     # The corrected velocity variance is smaller than the rounding error of the predicted one.
-    coefficients = motion_coefficients(rate / tau, tau)
     for R in (1e-18, 1e-6, 1.0):
-        covariance = (1.0, 0.0, 1.0)
+        bank = KalmanBank([1.0], tau, 0.0, R)
+        # Whose turns have this rate in a tick.
+        bank.anchor([0.0, rate / tau, 0.0, 0.0])
         for _ in range(300):
-            predicted = predict_covariance(covariance, *coefficients, 0.0)
-            Sigma = predicted[0] + R
-            assert Sigma >= R * (1 - 1e-9)
-            covariance = correct_covariance(predicted, *kalman_gain(predicted, Sigma), R)
-            assert covariance[0] >= 0.0
-            assert covariance[2] >= 0.0
+            bank.step([0.0, 0.0])
+            assert (bank.innovation_covariances[:, [0, 1], [0, 1]] >= R * (1 - 1e-9)).all()
+            assert (np.diagonal(bank.covariances, 0, 1, 2) >= 0.0).all()
 
 
 def test_probabilities_equal_enumeration_where_mixing_is_exact():

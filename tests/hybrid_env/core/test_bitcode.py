@@ -42,7 +42,7 @@ def folder(tmp_path, monkeypatch):
     "bank", ["ImmBank", *(pytest.param(name, marks=pytest.mark.study) for name in [*IDS][1:])]
 )
 def test_bitcode_gives_the_bits_of_compiled_code(bank, tmp_path):
-    kernel = kernels.kernel_of(getattr(memory, bank), None, False)
+    kernel = kernels.kernel_of(getattr(memory, bank), False)
     bitcode.save(kernel, tmp_path)
     address = bitcode.load(kernel.__name__, tmp_path)
     assert address

@@ -22,7 +22,7 @@ DIGESTS = [
     ),
     pytest.param(
         {"radii": BANK, "correctness": "type", "delay_cost": 0.01},
-        "d9c5d8cf8949eaf7b00e39049668e40e0f0304c8adbf1062434a2b20b845aeed",
+        "9af89618a39c4981e8c1ec8ca2f295bb5469469853ba3205287172c5beac1831",
         id="21 hypotheses",
     ),
     pytest.param(
@@ -32,7 +32,7 @@ DIGESTS = [
     ),
     pytest.param(
         {"bank": "anchor_aware", "radii": BANK, "correctness": "type", "measurement_variance": 1.0},
-        "f842073c9338cbb8b7e9ca7165bb69fc174bd454627b04427bb9208eeda6cb30",
+        "e5c850512fbfb4fcb31324f17d808335f40ed3f94e5169dc3a10b82c22893d1e",
         id="anchor-aware, 21 hypotheses",
     ),
     pytest.param(
@@ -63,7 +63,7 @@ DIGESTS = [
     ),
     pytest.param(
         ENVIRONMENTS["HybridTrackBank-v0"] | {"decide_every": 1, "evidence": 0.95},
-        "a6515ee6cd971d011f2d8f861a939f6bc77f2d45741a88b7250f3c866fc85270",
+        "fdce2214f376fd532904e5d6a98cde8c57c4d7ad6442016c568764020698340f",
         id="types that follow the bank",
     ),
 ]
@@ -105,7 +105,7 @@ QUICKEST_DIGESTS = [
             "noise": "outliers 0.1",
             "hazard": 0.05,
         },
-        "f7275a209a78dddaa1251e0a3fed7ecf77ee0f48bebb8beb09c331ae7349ad9a",
+        "2023cc5ca5a724d1bf855a71f8187b9b4eb5541a98673d2fc5917bd1c6214ae4",
         id="other options",
     ),
 ]
