@@ -1,5 +1,6 @@
 """Reading a file of recorded positions: CSV, TSV, Parquet, GPX or IGC, also compressed by gzip."""
 
+import functools
 import os
 import re
 from collections.abc import Mapping, Sequence
@@ -14,7 +15,8 @@ from baselines.recordings.projection import centred_projection
 from baselines.recordings.reading import cleaning
 from baselines.recordings.reading.columns import find_columns
 from baselines.recordings.reading.files import read_table
-from baselines.recordings.reading.names import DEGREES, split_unit
+from baselines.recordings.reading.frames import frame_of, of_zones, turned
+from baselines.recordings.reading.names import DEGREES, ONE_OBJECT, role_of, split_unit
 from baselines.recordings.reading.summary import summary
 from baselines.recordings.reading.table import Table
 from baselines.recordings.reading.values import (
@@ -30,6 +32,9 @@ from baselines.recordings.scatter import noise_deviations
 from hybrid_env.checks import ArgumentError, BoolArray, FloatArray, IntArray, reject
 from hybrid_env.sensors import Radar
 
+# Of a sensor that had no position.
+WITHOUT_FIX = "false", "v", "no", "invalid", "void", "none", "no fix", "nofix", "n"
+
 
 @dataclass(frozen=True, eq=False)
 class RecordingFile:
@@ -40,12 +45,14 @@ class RecordingFile:
         summary: one line that says what was read and what was left out.
         left_out: number of lines that were left out, by the reason.
         warnings: one line for each; more than a tenth of the rows were left out, or an object.
+        objects: number of objects in the file, also of those that were left out.
     """
 
     recordings: tuple[Recording, ...]
     summary: str
     left_out: dict[str, int]
     warnings: tuple[str, ...] = ()
+    objects: int = 1
 
 
 class Places(NamedTuple):
@@ -55,6 +62,8 @@ class Places(NamedTuple):
     values: FloatArray
     # (n,) rows with cells that are not empty and no numbers.
     wrong: BoolArray
+    # (n,) rows of which the sensor says that it had no position.
+    void: BoolArray
     # Of the positions on the plane; None if the file does not name it.
     unit: str | None
     # Whether `values` are degrees.
@@ -76,6 +85,7 @@ def read_recordings(
     gap: float | None = None,
     radar: Radar | None = None,
     thousands: str | None = None,
+    frame: str | None = None,
     bad_rows: Literal["skip", "refuse"] = "skip",
 ) -> RecordingFile:
     """Read the recordings of a file.
@@ -102,6 +112,9 @@ def read_recordings(
             without other positions. Bearings in degrees are clockwise from the y axis (north),
             those in radians counter-clockwise from the x axis.
         thousands: mark between thousands in numbers.
+        frame: where x and y point: `enu` east and north, `ned` north and east, `image` right and
+            down, `ecef` with z from the centre of the earth; None finds it by names, otherwise
+            `enu` is assumed, which the summary says.
         bad_rows: `refuse` raises for the first row that would be left out.
 
     Raises:
@@ -118,25 +131,35 @@ def read_recordings(
     if "bearing" in roles:
         places = _read_polar(table, roles, times, rows_of, radar, thousands)
     else:
-        places = _read_positions(table, roles, unit, thousands)
+        places = _read_positions(table, roles, unit, thousands, frame)
     everything = pd.DataFrame(
         {
             "time": times.seconds,
             "x": places.values[:, 0],
             "y": places.values[:, 1],
             "wrong": places.wrong,
+            "void": places.void,
             "cell": times.cells,
             "rate": places.rates,
             "segment": table.segments,
         },
         table.frame.index,
     )
+    if object_column is None:
+        everything["object"] = table.frame[roles["object"]] if "object" in roles else 0
+        if telling := cleaning.telling_columns(table, everything, roles.values()):
+            rows_of = _told_apart(table, roles, telling, Path(path))
+    single = object_column == ONE_OBJECT
     marked = object_column is not None or len(rows_of) > 1
     recordings, refused = [], []
     for name, rows in rows_of:
         try:
             own = everything.iloc[rows]
-            recordings.append(_recording(table, times, places, own, marked, name=name, gap=gap))
+            recordings.append(
+                _recording(
+                    table, times, places, own, name=name, gap=gap, marked=marked, single=single
+                )
+            )
         except ArgumentError as error:
             refused.append(str(error))
     if bad_rows == "refuse" and table.left_out:
@@ -157,7 +180,22 @@ def read_recordings(
         summary(table, roles, times, recordings),
         left_out,
         tuple(refused),
+        len(rows_of),
     )
+
+
+def _told_apart(
+    table: Table, roles: dict[str, int], columns: tuple[int, ...], path: Path
+) -> list[tuple[str, IntArray]]:
+    """Return the names of the objects and their rows by columns that tell them apart, and by that
+    of `roles` if there is one already.
+    """
+    columns = (*(k for role, k in roles.items() if role == "object"), *columns)
+    name = " and ".join(map(table.label, columns))
+    table.notes.append(f"{name!r} taken as object, as times repeat without it (--object)")
+    cells = [table.frame[k].map(cell_text, na_action="ignore") for k in columns]
+    roles["object"] = table.add(name, functools.reduce(lambda a, b: a + " " + b, cells))
+    return object_rows(table, roles, path)
 
 
 def object_rows(table: Table, roles: dict[str, int], path: Path) -> list[tuple[str, IntArray]]:
@@ -191,6 +229,8 @@ def read_times(
     """
     clocks = [roles[role] for role in ("fix_time", "time", "date", "index") if role in roles]
     ticks = np.arange(len(table.frame), dtype=np.float64)
+    if "fix_time" in roles:
+        table.repeats = cleaning.STALE
     if clocks:
         number, date = clocks[0], roles.get("date")
         times = parse_times(
@@ -225,14 +265,16 @@ def _check_readable(table: Table, column: int, wrong: BoolArray, allowed: str) -
 
 
 def _read_positions(
-    table: Table, roles: dict[str, int], unit: str | None, thousands: str | None
+    table: Table, roles: dict[str, int], unit: str | None, thousands: str | None, frame: str | None
 ) -> Places:
-    """Parse the columns of the positions; a unit of None is that of the header."""
+    """Parse the columns of the positions; a unit or frame of None is that of the header."""
     degrees = "lat" in roles
-    axes = [roles[role] for role in (("lon", "lat") if degrees else ("x", "y"))]
-    of_x, of_y = (split_unit(table.names[column])[1] for column in axes)
-    if degrees and unit not in (None, "m", *DEGREES):
-        raise reject("unit", unit, f"no value, as {table.file} has latitudes and longitudes")
+    names = ("lon", "lat") if degrees else ("x", "y", "z") if "z" in roles else ("x", "y")
+    axes = [roles[role] for role in names]
+    of_x, of_y = (split_unit(table.names[column])[1] for column in axes[:2])
+    for name, value, allowed in (("unit", unit, (None, "m", *DEGREES)), ("frame", frame, (None,))):
+        if degrees and value not in allowed:
+            raise reject(name, value, f"no value, as {table.file} has latitudes and longitudes")
     if unit is None and of_x != of_y:
         raise ArgumentError(
             f"{table.file}: positions in {of_x} and {of_y}: expected one, or --unit"
@@ -241,41 +283,84 @@ def _read_positions(
     if not degrees and unit is not None and unit.lower() in DEGREES:
         degrees = True
         table.notes.append("x taken as longitude and y as latitude")
-    values = np.empty((len(table.frame), 2))
+    values = np.empty((len(table.frame), len(axes)))
     wrong = np.zeros(len(values), np.bool_)
     for k, column in enumerate(axes):
         parse = parse_angles if degrees else parse_numbers
         values[:, k], unread, comma = parse(table.frame[column], thousands)
-        _check_readable(table, column, unread, "numbers, or --thousands with the mark between them")
-        wrong |= unread
+        if k < 2:
+            form = "numbers, or --thousands with the mark between them"
+            _check_readable(table, column, unread, form)
+            wrong |= unread
         table.notes += ["decimal comma"] * comma
     if degrees:
-        values, form = in_degrees(values, any("position" in table.names[k].lower() for k in axes))
-        if of_x == "rad":
-            values, form = np.degrees(values), "radians"
-        if form:
-            table.notes.append(f"latitude and longitude are {form}")
-        _check_readable(table, axes[1], np.abs(values[:, 1]) > 90.0, "latitudes up to 90 degrees")
-        for k, role in enumerate(("east_west", "north_south")):
-            if role in roles:
-                letters = texts_of(table.frame[roles[role]]).str.upper()
-                values[letters.str.startswith(("W", "S")).to_numpy(), k] *= -1.0
+        values = _degrees(table, roles, values[:, :2], of_x)
+    else:
+        values, degrees = _on_the_plane(table, roles, values, unit, frame)
     wrong |= (np.abs(values) > ([360.0, 90.0] if degrees else 1e12)).any(axis=1)
-    if "valid" in roles:
-        wrong |= _without_fix(table, roles["valid"])
     values[wrong] = np.nan
     wrong |= cleaning.fill_values(values)
     values[wrong] = np.nan
-    return Places(values, wrong, "m" if degrees else unit, degrees)
+    return Places(values, wrong, _void_rows(table), "m" if degrees else unit, degrees)
 
 
-def _without_fix(table: Table, column: int) -> BoolArray:
-    """Return in which rows (n,) the sensor says that it had no position."""
-    # The status 0 of a ship is that it moves.
-    numbers = [] if "status" in table.names[column].lower() else ["0", "0.0"]
-    cells = texts_of(table.frame[column]).str.lower()
-    without: BoolArray = cells.isin(["false", "v", "no", "invalid", *numbers]).to_numpy()
-    return without & (without.mean() < 0.5)
+def _degrees(
+    table: Table, roles: dict[str, int], values: FloatArray, unit: str | None
+) -> FloatArray:
+    """Return degrees of longitude and latitude (n, 2) of what the columns have."""
+    axes = [roles[role] for role in (("lon", "lat") if "lat" in roles else ("x", "y"))]
+    semicircles = any("position" in table.names[k].lower() for k in axes)
+    values, form = in_degrees(values, semicircles or unit == "semicircles")
+    if unit == "rad":
+        values, form = np.degrees(values), "radians"
+    if form:
+        table.notes.append(f"latitude and longitude are {form}")
+    _check_readable(table, axes[1], np.abs(values[:, 1]) > 90.0, "latitudes up to 90 degrees")
+    for k, role in enumerate(("east_west", "north_south")):
+        if role in roles:
+            letters = texts_of(table.frame[roles[role]]).str.upper()
+            values[letters.str.startswith(("W", "S")).to_numpy(), k] *= -1.0
+    return values
+
+
+def _on_the_plane(
+    table: Table, roles: dict[str, int], values: FloatArray, unit: str | None, frame: str | None
+) -> tuple[FloatArray, bool]:
+    """Return positions (n, 2) with x east and y north, and whether they are degrees now."""
+    scale = 1e3 if unit == "km" else 1.0
+    found = frame_of(table, roles, values * scale, frame, str(unit).startswith(("px", "pixel")))
+    if "zone" in roles:
+        degrees = of_zones(table, texts_of(table.frame[roles["zone"]]), values[:, :2] * scale)
+        if degrees is not None:
+            table.notes.append("UTM positions of several zones, taken as degrees")
+            return degrees, True
+    values, said = turned(values * scale if found == "ecef" else values, found)
+    table.notes += [said] * bool(said)
+    if found != "ecef":
+        # An altitude.
+        roles.pop("z", None)
+    return values, found == "ecef"
+
+
+def _void_rows(table: Table) -> BoolArray:
+    """Return in which rows (n,) the sensor says that it had no position. What most rows say means
+    something else.
+    """
+    void = np.zeros(len(table.frame), np.bool_)
+    for column, name in enumerate(table.names):
+        cells = texts_of(table.frame[column]).str.lower()
+        if role_of(name) == "valid":
+            # The status 0 of a ship is that it moves.
+            numbers = [] if "status" in name.lower() else ["0", "0.0"]
+            # Of an autopilot, 2 and 3 are the dimensions of a fix.
+            numbers += ["1"] * ("type" in name.lower())
+            without = cells.isin([*WITHOUT_FIX, *numbers]).to_numpy()
+        elif role_of(name) == "dilution":
+            without = (pd.to_numeric(cells, errors="coerce") >= 50.0).to_numpy()
+        else:
+            continue
+        void |= without & (without.mean() < 0.5)
+    return void
 
 
 def _read_polar(
@@ -311,7 +396,7 @@ def _read_polar(
     if radar is None:
         radar = _found_radar(table, times.seconds, rows, rows_of, length or "units")
     positions = np.array([radar.located(row)[:2] for row in rows])
-    return Places(positions, wrong, length, False, radar, *rates)
+    return Places(positions, wrong, _void_rows(table), length, False, radar, *rates)
 
 
 def _found_radar(
@@ -350,22 +435,33 @@ def _recording(
     times: Times,
     places: Places,
     rows: pd.DataFrame,
-    marked: bool,
     *,
     name: str,
     gap: float | None,
+    marked: bool,
+    single: bool,
 ) -> Recording:
-    """Return the recording of an object; `marked`: the rows are known to be of one object."""
+    """Return the recording of an object. `marked`: a column says that the rows are of one object;
+    `single`: the caller says so.
+    """
     already, total = cleaning.lost(table), len(rows)
-    rows = cleaning.ordered_rows(table, rows, marked)
+    axes, unit = ["x", "y"], places.unit or "units"
+    rows = cleaning.sorted_rows(table, rows)
+    rows = table.without(rows, rows.void, "rows of a sensor without a fix")
     rows = table.without(rows, rows.wrong, "rows whose position cannot be read")
-    axes = ["x", "y"]
     measured = rows.dropna(subset=axes)
     if len(measured) < 2:
         raise ArgumentError(
             f"{table.file}: {name} has {len(measured)} measured positions: expected at least two"
         )
     projection = None
+    if places.degrees:
+        projection = centred_projection(rows.y, rows.x)
+        rows[axes] = projection.forward(rows.y, rows.x)
+    several = "name by --object the column that tells them apart"
+    distance, jumps = cleaning.jumps_between_places(rows.dropna(subset=axes))
+    rows = cleaning.rows_of_times(table, rows)
+    measured = rows.dropna(subset=axes)
     if places.unit is None and cleaning.look_like_degrees(
         measured.time.to_numpy(), measured[axes].to_numpy()
     ):
@@ -373,18 +469,19 @@ def _recording(
             f"{table.file}: x and y look like degrees: --unit deg for longitude x and latitude y,"
             " or --unit m for a plane"
         )
-    if places.degrees:
-        projection = centred_projection(rows.y, rows.x)
-        rows[axes] = projection.forward(rows.y, rows.x)
-        measured = rows.dropna(subset=axes)
     stale = measured.index[cleaning.stale_rows(measured[axes].to_numpy())]
-    rows = table.without(rows, rows.index.isin(stale), "positions that a stale source repeats")
+    rows = table.without(rows, rows.index.isin(stale), cleaning.STALE)
     if not marked and cleaning.rows_alternate(rows[axes].dropna().to_numpy()):
         raise ArgumentError(
             f"{table.file}: rows alternate between places that are far apart, as of two objects:"
-            " name by --object the column that tells them apart, or --object none for a single one"
+            f" {several}, or --object none for a single one"
         )
-    if cleaning.lost(table) - already > 0.5 * total:
+    if jumps and not single:
+        raise ArgumentError(
+            f"{table.file}: {name} jumps {jumps:,} times between two places that are"
+            f" {float(f'{distance:.3g}'):,g} {unit} apart, as two objects of one name: {several}"
+        )
+    if cleaning.lost(table) - already > 0.5 * total and not single:
         causes = cleaning.causes(table)
         raise ArgumentError(f"{table.file}: more than half of {name} is left out: {causes}")
     return make_recording(
@@ -394,7 +491,7 @@ def _recording(
         gap=gap,
         # Reception was lost, or the logger was switched off.
         breaks=np.flatnonzero(rows.segment.diff().fillna(0.0)),
-        unit=places.unit or "units",
+        unit=unit,
         time_unit=times.unit,
         epoch=times.epoch,
         projection=projection,

@@ -35,7 +35,7 @@ PARQUET, ZIPPED = FRAME.to_parquet(), gzip.compress(ROWS.encode(), mtime=0)
         (b"\xff\xfex,y\n1", "UTF-16"),
         (b"x,y\n1,\x002\n", "file in UTF-8"),
         (b"PK\x03\x04" + bytes(100) + b"x", "workbook"),
-        ("<gpx><trk>", "begins as XML but is not GPX"),
+        ("<gpx><trk>", "begins as XML but is damaged"),
         (b"AXXX\nHFDTE010100\n", "B records|numbers|columns"),
         (ZIPPED[:-9], "cut off"),
         (PARQUET[:-100], "Parquet file is damaged"),
