@@ -51,9 +51,9 @@ class Track(TrackingArguments, TrustArguments):
     files: Annotated[
         tyro.conf.Positional[tuple[Path, ...]], shown_default("none, at least one is needed")
     ]
-    """CSV, TSV, Parquet, GPX or IGC files, also compressed by gzip. Header, delimiter, decimal
-    comma and index are found; columns are known by names such as time, timestamp, t, x, y, easting,
-    lat, lon.
+    """CSV, TSV, Parquet, GPX, TCX, KML, GeoJSON, NMEA or IGC files, also compressed by gzip.
+    Header, delimiter, decimal comma and index are found; columns are known by names such as time,
+    timestamp, t, x, y, easting, lat, lon.
     """
     columns: tuple[str, ...] = ()
     """Columns that the header does not tell, by name or number: time=3 x=1 y=2, or time=date

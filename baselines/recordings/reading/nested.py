@@ -77,12 +77,7 @@ def rows_of_json(text: str, file: str) -> pd.DataFrame:
         except json.JSONDecodeError:
             data = [json.loads(line) for line in text.splitlines() if line.strip()]
         features = data.get("features", [data]) if isinstance(data, dict) else data
-        names = [f"line {k}" * (len(features) > 1) for k in range(1, len(features) + 1)]
-        rows = [
-            row
-            for feature, name in zip(features, names, strict=True)
-            for row in _rows(feature, name or None)
-        ]
+        rows = [row for k, feature in enumerate(features, 1) for row in _rows(feature, f"line {k}")]
         frame = pd.json_normalize(rows)
     except (ValueError, TypeError, LookupError, AttributeError, RecursionError) as error:
         reason = " ".join(str(error).split())[:100]
@@ -96,24 +91,18 @@ def rows_of_json(text: str, file: str) -> pd.DataFrame:
     return frame.map(lambda cell: cell if isinstance(cell, (str, int, float)) else None)
 
 
-def _rows(feature: dict[str, Any], name: str | None) -> list[dict[str, Any]]:
+def _rows(feature: dict[str, Any], name: str) -> list[dict[str, Any]]:
     """Return the rows of a feature of GeoJSON, or of an object without a geometry itself."""
     geometry = feature.get("geometry")
     if geometry is None:
         return [feature]
-    properties, places = feature["properties"] or {}, geometry["coordinates"]
+    properties, places = feature["properties"], geometry["coordinates"]
     if geometry["type"] == "Point":
         return [properties | {"lon": places[0], "lat": places[1]}]
-    lines = places if geometry["type"] == "MultiLineString" else [places]
-    times = properties.get("coordTimes") or properties.get("times")
-    if times is None:
-        times = properties["coordinateProperties"]["times"]
-    if geometry["type"] == "LineString":
-        times = [times]
+    times = properties.get("coordTimes") or properties["coordinateProperties"]["times"]
     return [
         {"time": time, "lon": place[0], "lat": place[1], "track_id": properties.get("name", name)}
-        for line, clock in zip(lines, times, strict=True)
-        for place, time in zip(line, clock, strict=True)
+        for place, time in zip(places, times, strict=True)
     ]
 
 
@@ -131,7 +120,7 @@ def rows_of_nmea(lines: "pd.Series[str]") -> tuple[pd.DataFrame, pd.Index]:
     sums = found[0].map(lambda text: functools.reduce(operator.xor, text.encode()))
     right = found[2].isna() | (sums == found[2].fillna("0").map(lambda text: int(text, 16)))
     cells = found[1][right].str.split(",", expand=True).reindex(columns=range(len(names)))
-    cells = cells.set_axis(names, axis=1)
+    cells = cells.set_axis(names, axis=1).astype(object).fillna("").astype(str)
     if dated:
         # Day, month, year.
         dates = cells.pop("date").str.replace(r"(..)(..)(..)", r"20\3-\2-\1T", regex=True)

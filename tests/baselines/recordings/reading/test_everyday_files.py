@@ -312,7 +312,7 @@ CASES = {
     "GeoJSON of points": (geojson(*POINTS), SAID + "dates from 2026-05-13"),
     "GeoJSON of a line": (geojson(feature(LINE, coordTimes=ISO)), SAID + "dates from 2026-05-13"),
     "GeoJSON of two lines": (
-        geojson(feature(LINE, times=ISO), feature(LINE, coordinateProperties={"times": ISO})),
+        geojson(feature(LINE, coordTimes=ISO), feature(LINE, coordinateProperties={"times": ISO})),
         "2 objects by 'track_id'",
     ),
     "GeoJSON without times": (geojson(feature(LINE)), NOT + "GeoJSON with times .*ogr2ogr"),
