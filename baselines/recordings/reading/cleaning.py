@@ -193,7 +193,7 @@ def jumps_between_places(rows: pd.DataFrame) -> tuple[float, int]:
     # Several rows may have one time.
     step = np.ptp(times) / len(times)
     of_places = [_speeds(times[at], positions[at], step) for at in (beyond, ~beyond)]
-    usual = np.quantile(np.concatenate(of_places), 0.9)
+    usual = np.quantile(np.concatenate(of_places), 0.99)
     jumps = int((_speeds(times, positions, step)[np.diff(beyond)] > 10.0 * usual).sum())
     if usual == 0.0 or jumps < 4 or not 0.1 < beyond.mean() < 0.9:
         return 0.0, 0

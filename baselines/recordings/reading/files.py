@@ -26,6 +26,7 @@ from hybrid_env.checks import ArgumentError, reject
 KINDS = "a CSV, TSV, Parquet, GPX, TCX, KML, GeoJSON, NMEA or IGC file"
 # Texts that are no tables, and what makes tables of them.
 UNREADABLE = {
+    "$GP": "NMEA without sentences RMC or GGA, which have times of positions",
     "!AIVDM,": "AIS sentences have no dates: decode them to CSV with times, for example by pyais",
     "Type,Local Number,Message,": (
         "rows of fields of FitCSVTool: write a table by its options -b and --data record, and read"

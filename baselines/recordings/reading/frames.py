@@ -44,13 +44,16 @@ def frame_of(
         return given
     words = {*plain_name(table.names[roles["x"]]).split("_")}
     known = {*map(plain_name, table.names)}
-    below = values.shape[1] == 3 and np.nanmedian(values[:, 2]) < 0.0
+    # With z, where all three are numbers.
+    places = values[np.isfinite(values).all(axis=1)] if "z" in roles else values[:0]
+    height, distance = 0.0, 0.0
+    if len(places):
+        height, distance = np.median(places[:, 2]), np.median(np.linalg.norm(places, axis=1))
     flown = {"vx", "vy", "z"} <= {name.rpartition("_")[2] for name in known}
-    if "ned" in words or (flown and (below or AUTOPILOT & known)):
+    if "ned" in words or (flown and (height < 0.0 or AUTOPILOT & known)):
         return "ned"
     if pixels or words & {"pixel", "px", "image", "img"}:
         return "image"
-    distance = np.nanmedian(np.linalg.norm(values, axis=1)) if values.shape[1] == 3 else 0.0
     if EARTH[0] < distance < EARTH[1]:
         return "ecef"
     return "enu" if "enu" in words else None

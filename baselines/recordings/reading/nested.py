@@ -76,19 +76,23 @@ def rows_of_json(text: str, file: str) -> pd.DataFrame:
             data = json.loads(text)
         except json.JSONDecodeError:
             data = [json.loads(line) for line in text.splitlines() if line.strip()]
-        features = data.get("features", [data]) if isinstance(data, dict) else data
-        rows = [row for k, feature in enumerate(features, 1) for row in _rows(feature, f"line {k}")]
+        if isinstance(data, dict):
+            # Such as the features of GeoJSON.
+            lists = [rows for rows in data.values() if isinstance(rows, list)]
+            data = next((rows for rows in lists if rows and isinstance(rows[0], dict)), [data])
+        rows = [row for k, feature in enumerate(data, 1) for row in _rows(feature, f"line {k}")]
         frame = pd.json_normalize(rows)
-    except (ValueError, TypeError, LookupError, AttributeError, RecursionError) as error:
-        reason = " ".join(str(error).split())[:100]
-        raise ArgumentError(
-            f"{file}: neither GeoJSON with times nor rows of JSON ({reason}): convert it to CSV,"
-            " for example by ogr2ogr -f CSV -lco GEOMETRY=AS_XY"
-        ) from None
+    except (ValueError, TypeError, LookupError, AttributeError, RecursionError):
+        frame = pd.DataFrame()
+    frame = frame.map(lambda cell: cell if isinstance(cell, (str, int, float)) else None)
+    frame = frame.dropna(axis=1, how="all")
     if frame.empty:
-        raise ArgumentError(f"{file}: JSON without rows: expected objects with a time and a place")
+        raise ArgumentError(
+            f"{file}: neither GeoJSON with times nor rows of JSON: convert it to CSV, for example"
+            " by ogr2ogr -f CSV -lco GEOMETRY=AS_XY"
+        )
     frame.columns = frame.columns.astype(str)
-    return frame.map(lambda cell: cell if isinstance(cell, (str, int, float)) else None)
+    return frame
 
 
 def _rows(feature: dict[str, Any], name: str) -> list[dict[str, Any]]:

@@ -119,7 +119,7 @@ def _on_the_plane(
     if "zone" in roles:
         degrees = of_zones(table, texts_of(table.frame[roles["zone"]]), values[:, :2] * scale)
         if degrees is not None:
-            table.notes.append("UTM positions of several zones, taken as degrees")
+            table.notes.append("UTM positions of several zones")
             return degrees, True
     values, said = turned(values * scale if found == "ecef" else values, found)
     table.notes += [said] * bool(said)

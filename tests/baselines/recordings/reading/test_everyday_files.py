@@ -315,7 +315,7 @@ CASES = {
         geojson(feature(LINE, coordTimes=ISO), feature(LINE, coordinateProperties={"times": ISO})),
         "2 objects by 'track_id'",
     ),
-    "GeoJSON without times": (geojson(feature(LINE)), NOT + "GeoJSON with times .*ogr2ogr"),
+    "GeoJSON without times": (geojson(feature(LINE)), NOT + "GeoJSON with times.*ogr2ogr"),
     "lines of JSON": (
         text(*(json.dumps(row) for row in clock(time=ISO).to_dict("records"))),
         SAID + "dates from 2026-05-13",
@@ -329,6 +329,12 @@ CASES = {
         ),
         "tick 2.5 s",
     ),
+    "locations": (
+        json.dumps({"locations": clock(timestampMs=(1e3 * UNIX).astype(int)).to_dict("records")}),
+        SAID + "milliseconds since 1970",
+    ),
+    "JSON of other things": ('{"time": [1, 2], "x": [1, 2], "y": [3, 4]}', NOT + "nor rows of"),
+    "NMEA without times": ("$GPGLL,4916.45,N,12311.12,W,225444,A,*1D\n" * 5, NOT + "RMC or GGA"),
     "damaged JSON": ('{"lat": 1, "lon"\n', NOT + "neither GeoJSON with times nor rows of JSON"),
     "NMEA": (sentences("RMC", "GGA"), NO_FIX),
     "NMEA without dates": (sentences("GGA"), SAID + "times of day"),
@@ -369,6 +375,7 @@ CASES = {
     "autopilot": (plane("y", "x", z=-20.0, **VELOCITY), NED),
     "autopilot on the ground": (plane("y", "x", z=0.1, xy_valid=1, **VELOCITY), NED),
     "robot": (plane("x", "y", z=0.3, **VELOCITY), ASSUMED),
+    "words as z": (plane("x", "y", z="high", **VELOCITY), ASSUMED),
     "MAVLink": (plane("local_position_ned.y", "local_position_ned.x"), NED),
     "pixels": (
         plane("x", "y").assign(y=-NORTH).rename(columns=lambda c: c + " [px]" * (c != "time")),
