@@ -8,7 +8,7 @@ import pandas as pd
 
 from baselines.recordings.reading import cleaning
 from baselines.recordings.reading.frames import frame_of, of_zones, turned
-from baselines.recordings.reading.names import DEGREES, role_of, split_unit
+from baselines.recordings.reading.names import DEGREES, VOID, role_of, split_unit
 from baselines.recordings.reading.table import Table
 from baselines.recordings.reading.values import (
     Times,
@@ -135,17 +135,17 @@ def _void_rows(table: Table) -> BoolArray:
     """
     void = np.zeros(len(table.frame), np.bool_)
     for column, name in enumerate(table.names):
-        cells = texts_of(table.frame[column]).str.lower()
-        if role_of(name) == "valid":
-            # The status 0 of a ship is that it moves.
-            numbers = [] if "status" in name.lower() else ["0", "0.0"]
-            # Of an autopilot, 2 and 3 are the dimensions of a fix.
-            numbers += ["1"] * ("type" in name.lower())
-            without = cells.isin([*WITHOUT_FIX, *numbers]).to_numpy()
-        elif role_of(name) == "dilution":
-            without = (pd.to_numeric(cells, errors="coerce") >= 50.0).to_numpy()
-        else:
+        role = role_of(name)
+        if role not in VOID:
             continue
+        cells = texts_of(table.frame[column]).str.lower()
+        # The status 0 of a ship is that it moves.
+        numbers = [] if "status" in name.lower() else ["0", "0.0"]
+        # Of an autopilot, 2 and 3 are the dimensions of a fix.
+        numbers += ["1"] * ("type" in name.lower())
+        without = cells.isin([*WITHOUT_FIX, *numbers]).to_numpy()
+        if role == "dilution":
+            without = (pd.to_numeric(cells, errors="coerce") >= 50.0).to_numpy()
         void |= without & (without.mean() < 0.5)
     return void
 

@@ -163,8 +163,10 @@ def _told_apart(
     columns = (*(k for role, k in roles.items() if role == "object"), *columns)
     name = " and ".join(map(table.label, columns))
     table.notes.append(f"{name!r} taken as object, as times repeat without it (--object)")
-    cells = [table.frame[k].map(cell_text, na_action="ignore") for k in columns]
-    roles["object"] = table.add(name, functools.reduce(lambda a, b: a + " " + b, cells))
+    roles["object"] = columns[0]
+    if len(columns) > 1:
+        cells = [table.frame[k].map(cell_text, na_action="ignore") for k in columns]
+        roles["object"] = table.add(name, functools.reduce(lambda a, b: a + " " + b, cells))
     return object_rows(table, roles, path)
 
 
@@ -263,8 +265,8 @@ def _recording(
         measured.time.to_numpy(), measured[axes].to_numpy()
     ):
         raise ArgumentError(
-            f"{table.file}: x and y look like degrees: --unit deg for longitude x and latitude y,"
-            " or --unit m for a plane"
+            f"{table.file}: x and y of {name} look like degrees: --unit deg for longitude x and"
+            " latitude y, or --unit m for a plane"
         )
     stale = measured.index[cleaning.stale_rows(measured[axes].to_numpy())]
     rows = table.without(rows, rows.index.isin(stale), cleaning.STALE)
