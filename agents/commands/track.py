@@ -51,9 +51,9 @@ class Track(TrackingArguments, TrustArguments):
     files: Annotated[
         tyro.conf.Positional[tuple[Path, ...]], shown_default("none, at least one is needed")
     ]
-    """CSV, TSV, Parquet, GPX or IGC files, also compressed by gzip. Header, delimiter, decimal
-    comma and index are found; columns are known by names such as time, timestamp, t, x, y, easting,
-    lat, lon.
+    """CSV, TSV, Parquet, GPX, TCX, KML, GeoJSON, NMEA or IGC files, also compressed by gzip.
+    Header, delimiter, decimal comma and index are found; columns are known by names such as time,
+    timestamp, t, x, y, easting, lat, lon.
     """
     columns: tuple[str, ...] = ()
     """Columns that the header does not tell, by name or number: time=3 x=1 y=2, or time=date
@@ -74,6 +74,10 @@ class Track(TrackingArguments, TrustArguments):
     """Duration of a tick [s] of a file without times; by default time is counted in ticks."""
     thousands: str | None = None
     """Mark between thousands in the numbers of the file, such as ','."""
+    frame: Literal["enu", "ned", "image", "ecef"] | None = None
+    """Where x and y point: enu east and north, ned north and east, image right and down, ecef with
+    z from the centre of the earth. By default from the header, otherwise enu.
+    """
     bad_rows: Literal["skip", "refuse"] = "skip"
     """What becomes of rows that are no measurement: they are left out and counted, or the file is
     refused."""
@@ -145,29 +149,34 @@ class Track(TrackingArguments, TrustArguments):
             if getattr(self, name) and file.recordings[0].projection is None:
                 raise ArgumentError(f"{path}: --{name} needs latitude and longitude, not x and y")
         several = len(file.recordings) > 1
-        results = []
+        results, refused = [], []
         for recording in file.recordings:
             try:
                 results.append(self.track(recording))
             except ArgumentError as error:
-                named = f"{path}: {recording.name}" if several else path
-                raise ArgumentError(f"{named}: {error}") from None
+                refused.append(f"{recording.name}: {error}" if several else str(error))
+        if not results:
+            raise ArgumentError(f"{path}: {refused[0]}")
         with atomic_folder(folder) as part:
-            places = object_folders(part, [recording.name for recording in file.recordings])
+            places = object_folders(part, [tracked.recording.name for tracked in results])
             for tracked, place in zip(results, places, strict=True):
                 self._write(tracked, place)
             written = ", ".join(sorted(path.name for path in places[0].iterdir()))
         for place in places:
             # The rows of results that are overwritten may have the other format.
             (folder / place.relative_to(part) / ROW_FILES[not self.parquet]).unlink(missing_ok=True)
-        warnings = [warning.removeprefix(f"{path}: ") for warning in file.warnings]
+        warnings = [warning.removeprefix(f"{path}: ") for warning in (*file.warnings, *refused)]
+        if len(results) < file.objects:
+            missing = file.objects - len(results)
+            warnings.append(f"{missing:,} of {counted(file.objects, 'object')} not tracked")
         lines = [file.summary, *map("  warning: {}".format, warnings)]
         for tracked in results:
             first, *remarks = report_lines(tracked)
-            lines.append(f"  {tracked.recording.name}: {first}" if several else f"  {first}")
+            named = f"{tracked.recording.name}: " * (file.objects > 1)
+            lines.append(f"  {named}{first}")
             lines += [f"    {remark}" for remark in remarks]
-        tables = [] if several else [_printed_table(results[0])]
-        each = "a folder for each object with " * several
+        tables = [_printed_table(tracked) for tracked in results if len(results) == 1]
+        each = "a folder for each object with " * (len(results) > 1)
         return lines, tables, f"Results in {folder}: {each}{written}"
 
     def _write(self, tracked: TrackedRecording, folder: Path) -> None:
@@ -213,6 +222,7 @@ class Track(TrackingArguments, TrustArguments):
             "gap": self.gap,
             "radar": radar,
             "thousands": self.thousands,
+            "frame": self.frame,
             "bad_rows": self.bad_rows,
         }
 

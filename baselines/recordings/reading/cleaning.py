@@ -1,9 +1,13 @@
 """Rows of an object that are no measurements of their own: they are left out and counted."""
 
+from collections.abc import Collection
+from itertools import combinations
+from typing import Any
+
 import numpy as np
 import pandas as pd
 
-from baselines.recordings.reading.table import Table
+from baselines.recordings.reading.table import REPEATED, Table
 from baselines.recordings.reading.values import DAY
 from hybrid_env.checks import BoolArray, FloatArray, IntArray
 
@@ -11,10 +15,8 @@ from hybrid_env.checks import BoolArray, FloatArray, IntArray
 FEWEST = 20
 # Reason of rows that may be of another object.
 ELSEWHERE = "repeated times at other places"
-HARMLESS = (
-    *("blank lines", "headers and comments", "repeated times"),
-    "positions that a stale source repeats",
-)
+STALE = "positions that a stale source repeats"
+HARMLESS = "blank lines", "headers and comments", STALE
 SET_BACK = "times that the clock was set back, where a new piece begins"
 
 
@@ -50,20 +52,18 @@ def going_on(times: FloatArray) -> tuple[FloatArray, int]:
     return times + DAY * np.cumsum(set_back), count
 
 
-def times_are_rounded(rows: pd.DataFrame) -> bool:
-    """Whether rows of one time are about as far apart as others."""
-    lengths = np.hypot(rows.x.diff(), rows.y.diff())
-    usual = lengths.groupby(rows.time.diff() == 0.0).median()
-    return bool(usual.get(True, 0.0) > 0.3 * usual.get(False, np.inf))
+def times_are_rounded(rows: pd.DataFrame, usual: float) -> bool:
+    """Whether an object goes on in the rows of one time, usually so many: to the next time it moves
+    by several of the steps in between. Several objects do not, nor several sensors of one.
+    """
+    step = _median_step(rows, ["time"])
+    firsts = rows.groupby("time", as_index=False).first()
+    return 1.3 * step < _median_step(firsts.assign(time=0.0), ["time"]) < 2.0 * usual * step
 
 
-def ordered_rows(table: Table, rows: pd.DataFrame, marked: bool = True) -> pd.DataFrame:
-    """Return the rows of an object in the order of their `time`.
-
-    Rows out of order are sorted, see also `ahead_rows` and `going_on`. Of rows with one time the
-    first is kept. Where most times have several rows, and their `x` and `y` show that the times are
-    rounded to whole seconds or more, the rows are spread over these. `marked`: the rows are known
-    to be of one object.
+def sorted_rows(table: Table, rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows of an object in the order of their `time`, those out of order sorted, see
+    also `ahead_rows` and `going_on`.
     """
     rows = table.without(rows, rows.time.isna(), "rows without a time")
     ahead = ahead_rows(rows.time.to_numpy())
@@ -74,21 +74,54 @@ def ordered_rows(table: Table, rows: pd.DataFrame, marked: bool = True) -> pd.Da
         table.notes.append(f"{SET_BACK}: {set_back}")
     if late:
         table.notes.append(f"rows out of order, which are sorted: {late}")
-    rows = rows.assign(time=times).sort_values("time", kind="stable")
-    if "x" in rows:
-        same = rows.groupby("time")
-        counts, places = same.x.transform("size"), same.cumcount()
-        usual = counts[places == 0].median() if same.ngroups > 2 else 1.0
-        if usual > 1.0 and not (rows.time % 1.0).any() and times_are_rounded(rows):
-            step = rows.time[places == 0].diff().median()
-            # The first rows may be the last ones of their minute.
-            places += (usual - counts).clip(0.0) * (rows.time == rows.time.iloc[0])
-            table.notes.append(f"several rows at each time are spread over {step:g} s")
-            return rows.assign(time=rows.time + step * places / counts.clip(usual))
-        axes = rows[["x", "y"]]
-        apart = (axes - axes.groupby(rows.time).transform("first")).abs().max(axis=1)
-        rows = table.without(rows, (apart > 0.0) & (not marked), ELSEWHERE)
-    return table.without(rows, rows.time.duplicated(), "repeated times")
+    return rows.assign(time=times).sort_values("time", kind="stable")
+
+
+def rows_of_times(table: Table, rows: pd.DataFrame) -> pd.DataFrame:
+    """Return one row for each `time` of sorted rows, the first one. Where many times have several
+    rows, and their `x` and `y` show that the times are rounded, the rows are spread over the unit.
+    """
+    same = rows.groupby("time")
+    counts, places = same.x.transform("size"), same.cumcount()
+    sizes = counts[places == 0]
+    usual = max(sizes.median(), sizes.mean()) if same.ngroups > 2 else 1.0
+    if usual > 1.1 and times_are_rounded(rows, usual):
+        step = rows.time[places == 0].diff().median()
+        # The first rows may be the last ones of their minute.
+        places += (usual - counts).clip(0.0) * (rows.time == rows.time.iloc[0])
+        table.notes.append(f"several rows at each time are spread over {step:g} s")
+        return rows.assign(time=rows.time + step * places / counts.clip(usual))
+    axes = rows[["x", "y"]]
+    apart = (axes - axes.groupby(rows.time).transform("first")).abs().max(axis=1)
+    rows = table.without(rows, apart > 0.0, ELSEWHERE)
+    return table.without(rows, rows.time.duplicated(), table.repeats)
+
+
+def telling_columns(table: Table, rows: pd.DataFrame, used: Collection[int]) -> tuple[int, ...]:
+    """Return the column, or the two, that tell apart the objects of a file; none where no more than
+    a tenth of the rows repeats a time of its `object`. Times are unique in them, and from row to
+    row an object moves by less than the objects are apart at one time.
+    """
+    known = rows.dropna(subset=["time", "x", "y"])
+    repeated = known.duplicated(["object", "time"]).sum()
+    if repeated <= 0.1 * len(known):
+        return ()
+    apart = _median_step(known.sort_values("time", kind="stable"), ["object", "time"])
+    cells = table.frame.loc[known.index].drop(columns=[*used])
+    few = [k for k in cells if 1 < cells[k].nunique() <= len(known) / 5 and cells[k].notna().all()]
+    for columns in (*combinations(few[:10], 1), *combinations(few[:10], 2)):
+        marked = known.join(cells[[*columns]]).sort_values("time")
+        keys = ["object", *columns]
+        unique = marked.duplicated([*keys, "time"]).sum() < 0.1 * repeated
+        if unique and _median_step(marked, keys) < apart:
+            return columns
+    return ()
+
+
+def _median_step(rows: pd.DataFrame, groups: list[Any]) -> float:
+    """Return the median distance of successive rows of each group."""
+    steps = rows.groupby(groups)[["x", "y"]].diff()
+    return float(np.hypot(steps.x, steps.y).median())
 
 
 def fill_values(positions: FloatArray) -> BoolArray:
@@ -145,6 +178,35 @@ def rows_alternate(positions: FloatArray) -> bool:
     return bool(np.median(nearest) > 0.0 and (before[0] > 10.0 * nearest).mean() >= 0.25)
 
 
+@np.errstate(over="ignore", invalid="ignore")
+def jumps_between_places(rows: pd.DataFrame) -> tuple[float, int]:
+    """Return how far apart two places are between which an object jumps, as two objects of one name
+    do, and how often it does; (0, 0) if it does not. Both places have more than a tenth of the
+    sorted rows, and the way between them is ten times faster than others.
+    """
+    positions, times = rows[["x", "y"]].to_numpy(), rows.time.to_numpy()
+    if len(times) < FEWEST or times[0] == times[-1]:
+        return 0.0, 0
+    along = positions[:, np.ptp(positions, axis=0).argmax()]
+    ordered = np.sort(along)
+    beyond = along > ordered[np.diff(ordered).argmax()]
+    # Several rows may have one time.
+    step = np.ptp(times) / len(times)
+    of_places = [_speeds(times[at], positions[at], step) for at in (beyond, ~beyond)]
+    usual = np.quantile(np.concatenate(of_places), 0.99)
+    jumps = int((_speeds(times, positions, step)[np.diff(beyond)] > 10.0 * usual).sum())
+    if usual == 0.0 or jumps < 4 or not 0.1 < beyond.mean() < 0.9:
+        return 0.0, 0
+    distance = np.median(positions[beyond], axis=0) - np.median(positions[~beyond], axis=0)
+    return float(np.hypot(*distance)), jumps
+
+
+def _speeds(times: FloatArray, positions: FloatArray, step: float) -> FloatArray:
+    """Return the speeds (n - 1,) between successive positions (n, 2), at least a step apart."""
+    lengths: FloatArray = np.hypot(*np.diff(positions, axis=0).T)
+    return lengths / np.maximum(np.diff(times), step)
+
+
 @np.errstate(over="ignore")
 def look_like_degrees(times: FloatArray, positions: FloatArray) -> bool:
     """Whether x and y may be degrees: in their range, slow, and far from 0 for their extent."""
@@ -158,16 +220,19 @@ def look_like_degrees(times: FloatArray, positions: FloatArray) -> bool:
     )
 
 
-def causes(table: Table) -> str:
-    """Return what was left out and why, and what helps if several objects are taken for one."""
+def causes(table: Table, advice: bool = True) -> str:
+    """Return what was left out and why; and by option what helps if several objects are taken for
+    one.
+    """
     reasons = ", ".join(f"{reason} ({len(lines):,})" for reason, lines in table.left_out.items())
     several = "; if rows are of several objects, name their column by --object"
-    return reasons + several * (ELSEWHERE in table.left_out)
+    return reasons + several * (advice and bool({ELSEWHERE, REPEATED} & {*table.left_out}))
 
 
 def remarks(table: Table) -> list[str]:
     """Return phrases about what was assumed and left out."""
-    return [*dict.fromkeys(table.notes)] + [f"left out: {causes(table)}"] * bool(table.left_out)
+    left_out = f"left out: {causes(table, advice=False)}"
+    return [*dict.fromkeys(table.notes)] + [left_out] * bool(table.left_out)
 
 
 def lost(table: Table) -> int:

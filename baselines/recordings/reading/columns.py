@@ -1,12 +1,16 @@
 """What the columns of a file mean, by their names or as the caller says."""
 
+import re
 from collections.abc import Mapping, Sequence
 
-from baselines.recordings.reading.names import ONE_OBJECT, role_of
+from baselines.recordings.reading.names import ONE_OBJECT, role_of, split_unit
 from baselines.recordings.reading.table import Table
+from baselines.recordings.reading.values import parted_places
 from hybrid_env.checks import ArgumentError, reject
 
 MODE = (("mode",),)
+# Names of times.
+CLOCK = r"(?:^|_)(?:(?:date_?)?time(?:_?stamp)?s?|at)$"
 
 
 def find_columns(
@@ -43,13 +47,37 @@ def find_columns(
         named = role_of(table.names[k])
         if named is not None and table.frame[k].notna().any():
             found.setdefault(named, []).append(k)
+    known = {*roles, *found}
+    if "position" in roles or (
+        ("lat", "lon") in axes and "position" in known and not known & {"x", "lat"}
+    ):
+        roles["position"] = k = roles.get("position", found.get("position", [0])[0])
+        for role, cells in zip(("lat", "lon"), parted_places(table.frame[k]), strict=True):
+            found[role] = [table.add(f"{role} of {table.label(k)}", cells)]
+    if not {"time", "date", "fix_time"} & {*roles, *found}:
+        # Under another name, such as `acquisition time`.
+        timed = [k for k, name in enumerate(table.names) if re.search(CLOCK, split_unit(name)[0])]
+        if timed:
+            roles["time"] = timed[0]
+            table.notes.append(f"{table.label(timed[0])!r} taken as time (--columns)")
     pairs = [pair for pair in axes if {*roles, *found} >= {*pair}]
     if not pairs:
         wanted = ", or ".join(" and ".join(pair) for pair in axes)
         raise ArgumentError(f"{table.file}: no columns {wanted} ({table.listed()}): {hint}")
     # Metres on a plane are more exact than the degrees beside them.
     pair = max(pairs, key=lambda pair: {*given} >= {*pair})
-    kept = [*pair, "time", "date", "fix_time", "index", "valid", "north_south", "east_west"]
+    kept = [
+        *pair,
+        "z",
+        "zone",
+        "position",
+        "time",
+        "date",
+        "fix_time",
+        "index",
+        "north_south",
+        "east_west",
+    ]
     roles = {role: k for role, k in roles.items() if role in kept}
     if object_column is None:
         kept.append("object")
@@ -61,7 +89,7 @@ def find_columns(
         if role == "object":
             # What differs in every row is a number of the row.
             different = {k: n for k, n in different.items() if n < max(counts[k], 2)}
-        if role in roles or not different:
+        if role in roles or not different or role == "position":
             continue
         # Times are the finest ones; a place that is the same in every row is that of the start.
         most = max(different.values())

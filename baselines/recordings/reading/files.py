@@ -10,7 +10,6 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
-import gpxpy
 import numpy as np
 import pandas as pd
 import pyarrow as pa
@@ -20,10 +19,20 @@ import pyarrow.parquet
 
 from baselines.recordings.reading.igc import is_igc, parse_igc
 from baselines.recordings.reading.names import role_of
+from baselines.recordings.reading.nested import POINTS, rows_of_json, rows_of_nmea, rows_of_xml
 from baselines.recordings.reading.table import Table
 from hybrid_env.checks import ArgumentError, reject
 
-KINDS = "a CSV, TSV, Parquet, GPX or IGC file"
+KINDS = "a CSV, TSV, Parquet, GPX, TCX, KML, GeoJSON, NMEA or IGC file"
+# Texts that are no tables, and what makes tables of them.
+UNREADABLE = {
+    "$GP": "NMEA without sentences RMC or GGA, which have times of positions",
+    "!AIVDM,": "AIS sentences have no dates: decode them to CSV with times, for example by pyais",
+    "Type,Local Number,Message,": (
+        "rows of fields of FitCSVTool: write a table by its options -b and --data record, and read"
+        " the file that ends in _data.csv"
+    ),
+}
 
 
 @dataclass(frozen=True)
@@ -43,7 +52,7 @@ class Limits:
     # Characters of a line, and bytes of a text in a column of a Parquet file.
     line: int = 50_000
     cell: int = 1_000
-    # Tags of a GPX file.
+    # Of XML, and values of JSON.
     tags: int = 10_000_000
 
     def check(self, file: str, **sizes: float) -> None:
@@ -69,13 +78,17 @@ def read_table(path: str | os.PathLike[str]) -> Table:
     start = content[:1000].lstrip(b"\xef\xbb\xbf\xff\xfe\0 \r\n")
     if start.startswith(b"PAR1"):
         return _read_parquet(content, file)
-    if start.startswith(b"<"):
-        return _read_gpx(content, file)
+    if start.startswith((b"<", b"{", b"[")):
+        return _read_nested(content, file)
     if not is_igc(content):
         return _read_text(content, file)
     LIMITS.check(file, rows=content.count(b"\nB"))
     log = parse_igc(file, content)
-    frame = pd.DataFrame({"time": log.times, "lat": log.latitudes, "lon": log.longitudes})
+    # A for a position in three dimensions, V for none or one in two.
+    valid = [record[24:25].decode() for record in log.records]
+    frame = pd.DataFrame(
+        {"time": log.times, "lat": log.latitudes, "lon": log.longitudes, "valid": valid}
+    )
     return Table(file, _numbered(frame), notes=[*log.notes])
 
 
@@ -141,29 +154,15 @@ def _is_long(column: pa.ChunkedArray) -> bool:
     return longest > LIMITS.cell or longest * len(column) > LIMITS.megabytes * 10**6
 
 
-def _read_gpx(content: bytes, file: str) -> Table:
-    """Read time, latitude and longitude of the track points, with the track of each point."""
-    LIMITS.check(file, rows=content.count(b"<trkpt"), tags=content.count(b"<"))
+def _read_nested(content: bytes, file: str) -> Table:
+    """Read the positions of XML or JSON."""
     notes: list[str] = []
-    # It is text now, whatever its first line says of the bytes.
-    text = re.sub(r"^\s*<\?xml[^>]*>", "", _decoded(content, file, notes))
-    try:
-        gpx = gpxpy.parse(text)
-    except (gpxpy.gpx.GPXException, ValueError, TypeError, LookupError, RecursionError) as error:
-        reason = " ".join(str(error).split())[:100]
-        raise ArgumentError(f"{file}: the file begins as XML but is not GPX ({reason})") from None
-    points = [
-        (point.latitude, point.longitude, track.name or f"track {number}", id(segment), point.time)
-        for number, track in enumerate(gpx.tracks, start=1)
-        for segment in track.segments
-        for point in segment.points
-    ]
-    if not points:
-        raise reject("file", file, "a GPX file with points of a track: convert other XML to it")
-    frame = pd.DataFrame(points, columns=["lat", "lon", "track_id", "segment", "time"])
-    segments = frame.pop("segment").to_numpy()
-    # A column without a time is none.
-    frame["time"] = pd.to_datetime(frame["time"].astype(object), utc=True)
+    marks = sum(map(content.count, (b"<", b"{", b"[", b",")))
+    LIMITS.check(file, rows=sum(content.count(f"<{tag}".encode()) for tag in POINTS), tags=marks)
+    text = _decoded(content, file, notes).strip()
+    frame = (rows_of_xml if text.startswith("<") else rows_of_json)(text, file)
+    LIMITS.check(file, columns=frame.shape[1], cells=frame.size)
+    segments = frame.pop("segment").to_numpy() if "segment" in frame else 0
     return Table(file, _numbered(frame), segments=segments, notes=notes)
 
 
@@ -179,8 +178,15 @@ def _read_text(content: bytes, file: str) -> Table:
     filled = rows[~blank]
     if filled.empty:
         raise reject("file", file, "rows of numbers, not an empty file")
-    if re.match(r"\$G|!AIVD|[{\[]", filled.iloc[0]):
-        raise reject("file", file, f"{KINDS}, not sentences of NMEA or AIS or JSON: convert them")
+    head = filled.iloc[:200]
+    if head.str.contains(r"\$..(?:RMC|GGA),").any():
+        cells, wrong = rows_of_nmea(filled)
+        table = Table(file, cells, notes=notes)
+        table.leave_out("sentences with a wrong checksum", wrong)
+        return table
+    for word, advice in UNREADABLE.items():
+        if head.str.contains(word, regex=False).any():
+            raise ArgumentError(f"{file}: {advice}")
     delimiter, header = _form(filled.iloc[:200].tolist())
     first = 0 if header is None else header + 1
     # Units, or more names.
@@ -241,11 +247,12 @@ def _form(lines: list[str]) -> tuple[str, int | None]:
         [(width, times)] = Counter(map(len, rows)).most_common(1)
         named = None
         for number, cells in enumerate(rows if width > 1 else ()):
-            words = [cell for cell in cells if not re.match(r"[\d.+-]", cell)]
+            words = [cell for cell in cells if cell and not re.match(r"[\d.+-]", cell)]
             if sum(role_of(word) is not None for word in words) > 1:
                 named = number
                 break
-            if len(cells) == width and not words and lines[number][0] not in "#%":
+            filled = sum(map(bool, cells)) > width / 2
+            if len(cells) == width and filled and not words and lines[number][0] not in "#%":
                 break
         share = times / len(rows) * (width > 1)
         forms.append((named is not None, share, delimiter, named))

@@ -70,8 +70,9 @@ def parse_igc(name: str, content: bytes) -> IgcLog:
     hours, minutes, seconds = (column.astype(np.float64) for column in columns[1:4])
     pressure, satellites = (column.astype(np.float64) for column in columns[10:12])
     head = content[: content.index(matches[0][0])]
-    latitudes, digits = _degrees(columns[4:7], b"S", _extension(head, b"LAD"), columns[12])
-    longitudes, _ = _degrees(columns[7:10], b"W", _extension(head, b"LOD"), columns[12])
+    extension = _extension(head, b"LAD")
+    latitudes = _degrees(columns[4:7], b"S", extension, columns[12])
+    longitudes = _degrees(columns[7:10], b"W", _extension(head, b"LOD"), columns[12])
     known = (np.abs(latitudes) <= 90.0) & (np.abs(longitudes) <= 180.0)
     places = np.flatnonzero(known & ((latitudes != 0.0) | (longitudes != 0.0)))
     times = unwrapped((3600.0 * hours + 60.0 * minutes + seconds)[places])
@@ -91,7 +92,7 @@ def parse_igc(name: str, content: bytes) -> IgcLog:
         longitudes[kept],
         (pressure if np.ptp(pressure) > 0.0 else satellites)[kept],
         # Of a degree of latitude.
-        111_200.0 / 60_000.0 / 10.0**digits,
+        111_200.0 / 60_000.0 / 10.0 ** (extension.stop - (extension.start or 0)),
         tuple(matches[k][0] for k in kept),
         tuple(f"{what}: {count:,}" for what, count in counts.items() if count),
     )
@@ -105,15 +106,14 @@ def _extension(head: bytes, word: bytes) -> slice:
 
 def _degrees(
     columns: Sequence[AnyArray], negative: bytes, extension: slice, tails: AnyArray
-) -> tuple[FloatArray, int]:
+) -> FloatArray:
     """Return the degrees of whole ones, thousandths of minutes and signs (n,), with the digits of
-    an extension that most records have, and how many these are.
+    an extension where a record has them.
     """
-    cells = np.array([tail[extension] for tail in tails])
-    digits = max(extension.stop - (extension.start or 0), 0)
-    valid = np.char.isdigit(cells) & (np.char.str_len(cells) == digits)
-    if 2 * valid.sum() <= len(cells):
-        valid, digits = np.zeros(len(cells), np.bool_), 0
-    more = np.where(valid, cells, b"0").astype(np.float64) / 10.0**digits
-    degrees = columns[0].astype(np.float64) + (columns[1].astype(np.float64) + more) / 60_000.0
-    return np.where(columns[2] == negative, -degrees, degrees), digits
+    more = [tail[extension] for tail in tails]
+    minutes = [
+        float(b"%s.%s" % (thousandths, digits if digits.isdigit() else b"0"))
+        for thousandths, digits in zip(columns[1], more, strict=True)
+    ]
+    degrees = columns[0].astype(np.float64) + np.array(minutes) / 60_000.0
+    return np.where(columns[2] == negative, -degrees, degrees)

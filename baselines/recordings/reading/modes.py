@@ -11,11 +11,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from baselines.recordings.reading.cleaning import ordered_rows, remarks
+from baselines.recordings.reading.cleaning import remarks, sorted_rows
 from baselines.recordings.reading.columns import MODE, find_columns
 from baselines.recordings.reading.files import read_table
 from baselines.recordings.reading.names import ROW_FILES, plain_name, role_of
 from baselines.recordings.reading.read import cell_text, object_rows, read_times
+from baselines.recordings.reading.table import REPEATED
 from baselines.recordings.recording import dates_since
 from hybrid_env.checks import ArgumentError, FloatArray, reject
 
@@ -115,7 +116,8 @@ def read_modes(
     # What is told concerns the modes, and from here on rows that are samples.
     table.notes, table.left_out = [note for note in table.notes if "taken as mode" in note], {}
     for name, rows in object_rows(table, roles, Path(path)):
-        ordered = ordered_rows(table, samples.iloc[rows])
+        ordered = sorted_rows(table, samples.iloc[rows])
+        ordered = table.without(ordered, ordered.time.duplicated(), REPEATED)
         seconds = ordered.time.to_numpy()
         dates = None if times.epoch is None else dates_since(times.epoch, seconds)
         result.times[name] = seconds if dates is None else dates

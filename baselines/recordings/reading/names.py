@@ -28,12 +28,24 @@ ROLES = {
     ),
     "x": (
         "x easting east e pos_x x_pos posx position_x x_position px utm_easting utm_e utm_x"
-        " x_coordinate coord_x ost rechtswert x_center local_x"
+        " x_coordinate coord_x ost rechtswert x_center local_x vehicle_x person_x ecef_x x_ecef"
+        " pixel_x x_pixel x_ned x_enu ned_x enu_x pos_e pos_east position_east x_east y_east east_x"
     ),
     "y": (
         "y northing north n pos_y y_pos posy position_y y_position py utm_northing utm_n utm_y"
-        " y_coordinate coord_y nord hochwert y_center local_y"
+        " y_coordinate coord_y nord hochwert y_center local_y vehicle_y person_y ecef_y y_ecef"
+        " pixel_y y_pixel y_ned y_enu ned_y enu_y pos_n pos_north"
+        " position_north x_north y_north north_y"
     ),
+    # Of earth-centred, earth-fixed positions; otherwise the altitude.
+    "z": "z pos_z z_pos posz position_z z_position pz ecef_z z_ecef z_ned ned_z",
+    # Latitude and longitude in one cell.
+    "position": (
+        "position positions pos coordinate coordinates coords location latlon latlng lat_lon"
+        " lat_lng lat_long latitude_longitude gps gps_position gps_coordinates koordinaten"
+        " coordonnées coordenadas wkt geom geometry"
+    ),
+    "zone": "utm_zone zone zone_number utm_zone_number",
     "lat": (
         "lat latitude lats latitudes location_lat position_lat gps_lat gps_latitude latitudee7"
         " breite breitengrad geo_breite latitud latitudine breedtegraad szerokosc bredde"
@@ -53,7 +65,7 @@ ROLES = {
     "object": (
         "object object_id obj obj_id id track_id trackid target target_id vehicle vehicle_id agent"
         " agent_id ship ship_id mmsi icao24 icao hex callsign flight flight_id individual"
-        " individual_local_identifier tag_local_identifier animal animal_id name ped_id"
+        " individual_local_identifier tag_local_identifier animal animal_id name ped_id player_id"
         " pedestrian_id person person_id pid uid uuid tag tag_id"
     ),
     # Of a file of modes.
@@ -64,12 +76,20 @@ ROLES = {
     # The number of the row, as spreadsheets and pandas write it.
     "index": "unnamed_0 index row nr no frame frame_id frame_number",
     # Whether the sensor had a position.
-    "valid": "valid visible status gps_status fix fix_type gps_fix gps_fix_type fix_quality",
+    "valid": (
+        "valid visible status gps_status fix fix_type gps_fix gps_fix_type fix_quality gps_qual"
+        " gps_quality quality fix_status validity void"
+    ),
+    # Dilution of precision.
+    "dilution": "hdop pdop gdop horizontal_dil dop gps_hdop",
 }
 """Names of the columns of each role, in lower case and joined by underscores."""
 
-GIVEN_ROLES = ("time", "date", "x", "y", "lat", "lon", "range", "bearing", "rate")
+GIVEN_ROLES = ("time", "date", "x", "y", "z", "lat", "lon", "position", "range", "bearing", "rate")
 """Roles of --columns."""
+
+VOID = "valid", "dilution"
+"""Roles of columns, as many as there are, that say whether the sensor had a position."""
 
 SECONDS = {
     name: scale
@@ -87,7 +107,9 @@ SECONDS = {
 """Units of time [s]."""
 
 DEGREES = ("deg", "degree", "degrees", "°")
-LENGTHS = "m km cm mm um ft yd mi nmi px rad mrad mil mils gon grad"
+LENGTHS = "m km cm mm um ft yd mi nmi px pixel pixels rad mrad mil mils gon grad"
+FRAMES = "enu", "ned", "image", "ecef"
+"""Where x and y point: x east and y north; x north and y east; y down; from the earth's centre."""
 
 
 ROLE_OF = {name: role for role, names in ROLES.items() for name in names.split()}
@@ -108,8 +130,9 @@ def split_unit(name: str) -> tuple[str, str | None]:
     name = " ".join(name[:200].split())
     words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name)
     # A letter means nothing without the word before it.
-    last = re.findall(r"[^.:]*[.:][^.:]$|[^.:]*$", words)[0]
-    splits = [_split(text) for text in (name, words, last)]
+    last = re.findall(r"[^.:/]*[.:/][^.:/]$|[^.:/]*$", words)[0]
+    position = r".*(?:pos|local|odom|gps)[^.:/]*[./](?=[xyz](?:\W|$))"
+    splits = [_split(text) for text in (name, words, last, re.sub(f"(?i){position}", "", words))]
     return next((split for split in splits if split[0] in ROLE_OF), splits[0])
 
 

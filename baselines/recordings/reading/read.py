@@ -1,11 +1,12 @@
-"""Reading a file of recorded positions: CSV, TSV, Parquet, GPX or IGC, also compressed by gzip."""
+"""Reading a file of recorded positions, also compressed by gzip."""
 
+import functools
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -14,20 +15,13 @@ from baselines.recordings.projection import centred_projection
 from baselines.recordings.reading import cleaning
 from baselines.recordings.reading.columns import find_columns
 from baselines.recordings.reading.files import read_table
-from baselines.recordings.reading.names import DEGREES, split_unit
+from baselines.recordings.reading.names import ONE_OBJECT, split_unit
+from baselines.recordings.reading.places import Places, check_readable, read_polar, read_positions
 from baselines.recordings.reading.summary import summary
 from baselines.recordings.reading.table import Table
-from baselines.recordings.reading.values import (
-    Times,
-    in_degrees,
-    parse_angles,
-    parse_numbers,
-    parse_times,
-    texts_of,
-)
+from baselines.recordings.reading.values import Times, parse_times
 from baselines.recordings.recording import Recording, dates_since, iso_texts, make_recording
-from baselines.recordings.scatter import noise_deviations
-from hybrid_env.checks import ArgumentError, BoolArray, FloatArray, IntArray, reject
+from hybrid_env.checks import ArgumentError, IntArray, reject
 from hybrid_env.sensors import Radar
 
 
@@ -40,29 +34,14 @@ class RecordingFile:
         summary: one line that says what was read and what was left out.
         left_out: number of lines that were left out, by the reason.
         warnings: one line for each; more than a tenth of the rows were left out, or an object.
+        objects: number of objects in the file, also of those that were left out.
     """
 
     recordings: tuple[Recording, ...]
     summary: str
     left_out: dict[str, int]
     warnings: tuple[str, ...] = ()
-
-
-class Places(NamedTuple):
-    """Positions of all rows of a file."""
-
-    # (n, 2) x and y, or longitude and latitude [deg]; NaN where there is none.
-    values: FloatArray
-    # (n,) rows with cells that are not empty and no numbers.
-    wrong: BoolArray
-    # Of the positions on the plane; None if the file does not name it.
-    unit: str | None
-    # Whether `values` are degrees.
-    degrees: bool = False
-    # That measured them.
-    radar: Radar | None = None
-    # (n,) its range rates.
-    rates: FloatArray | None = None
+    objects: int = 1
 
 
 def read_recordings(
@@ -76,6 +55,7 @@ def read_recordings(
     gap: float | None = None,
     radar: Radar | None = None,
     thousands: str | None = None,
+    frame: str | None = None,
     bad_rows: Literal["skip", "refuse"] = "skip",
 ) -> RecordingFile:
     """Read the recordings of a file.
@@ -88,7 +68,7 @@ def read_recordings(
     Args:
         path: the file.
         columns: name or number (from 1) of the column of each of `time`, `date`, `x`, `y`, `lat`,
-            `lon`; None finds them by their names.
+            `lon`, or `position` for both in one cell; None finds them by their names.
         object_column: column that tells several objects apart; `none` for a file with one object;
             None finds it by its name.
         unit: unit of x and y; `deg` for longitude and latitude; None takes it from the header.
@@ -102,6 +82,9 @@ def read_recordings(
             without other positions. Bearings in degrees are clockwise from the y axis (north),
             those in radians counter-clockwise from the x axis.
         thousands: mark between thousands in numbers.
+        frame: where x and y point: `enu` east and north, `ned` north and east, `image` right and
+            down, `ecef` with z from the centre of the earth; None finds it by names, otherwise
+            `enu` is assumed, which the summary says.
         bad_rows: `refuse` raises for the first row that would be left out.
 
     Raises:
@@ -116,27 +99,37 @@ def read_recordings(
     rows_of = object_rows(table, roles, Path(path))
     times = read_times(table, roles, time_unit, tau)
     if "bearing" in roles:
-        places = _read_polar(table, roles, times, rows_of, radar, thousands)
+        places = read_polar(table, roles, times, rows_of, radar, thousands)
     else:
-        places = _read_positions(table, roles, unit, thousands)
+        places = read_positions(table, roles, unit, thousands, frame)
     everything = pd.DataFrame(
         {
             "time": times.seconds,
             "x": places.values[:, 0],
             "y": places.values[:, 1],
             "wrong": places.wrong,
+            "void": places.void,
             "cell": times.cells,
             "rate": places.rates,
             "segment": table.segments,
         },
         table.frame.index,
     )
+    if object_column is None:
+        everything["object"] = table.frame[roles["object"]] if "object" in roles else 0
+        if telling := cleaning.telling_columns(table, everything, roles.values()):
+            rows_of = _told_apart(table, roles, telling, Path(path))
+    single = object_column == ONE_OBJECT
     marked = object_column is not None or len(rows_of) > 1
     recordings, refused = [], []
     for name, rows in rows_of:
         try:
             own = everything.iloc[rows]
-            recordings.append(_recording(table, times, places, own, marked, name=name, gap=gap))
+            recordings.append(
+                _recording(
+                    table, times, places, own, name=name, gap=gap, marked=marked, single=single
+                )
+            )
         except ArgumentError as error:
             refused.append(str(error))
     if bad_rows == "refuse" and table.left_out:
@@ -157,7 +150,24 @@ def read_recordings(
         summary(table, roles, times, recordings),
         left_out,
         tuple(refused),
+        len(rows_of),
     )
+
+
+def _told_apart(
+    table: Table, roles: dict[str, int], columns: tuple[int, ...], path: Path
+) -> list[tuple[str, IntArray]]:
+    """Return the names of the objects and their rows by columns that tell them apart, and by that
+    of `roles` if there is one already.
+    """
+    columns = (*(k for role, k in roles.items() if role == "object"), *columns)
+    name = " and ".join(map(table.label, columns))
+    table.notes.append(f"{name!r} taken as object, as times repeat without it (--object)")
+    roles["object"] = columns[0]
+    if len(columns) > 1:
+        cells = [table.frame[k].map(cell_text, na_action="ignore") for k in columns]
+        roles["object"] = table.add(name, functools.reduce(lambda a, b: a + " " + b, cells))
+    return object_rows(table, roles, path)
 
 
 def object_rows(table: Table, roles: dict[str, int], path: Path) -> list[tuple[str, IntArray]]:
@@ -191,6 +201,8 @@ def read_times(
     """
     clocks = [roles[role] for role in ("fix_time", "time", "date", "index") if role in roles]
     ticks = np.arange(len(table.frame), dtype=np.float64)
+    if "fix_time" in roles:
+        table.repeats = cleaning.STALE
     if clocks:
         number, date = clocks[0], roles.get("date")
         times = parse_times(
@@ -200,7 +212,7 @@ def read_times(
             split_unit(table.names[number])[1],
         )
         allowed = "a number, a date, or --time-unit with a format such as '%d/%m/%Y %H:%M:%S'"
-        _check_readable(table, number, np.isnan(times.seconds), allowed)
+        check_readable(table, number, np.isnan(times.seconds), allowed)
         if times.cells is None and times.epoch is not None:
             known = np.nan_to_num(times.seconds)
             times = times._replace(cells=iso_texts(dates_since(times.epoch, known)))
@@ -217,174 +229,58 @@ def read_times(
     return Times(np.round(tau * ticks, 9 - int(np.floor(np.log10(tau)))), None, "")
 
 
-def _check_readable(table: Table, column: int, wrong: BoolArray, allowed: str) -> None:
-    """Refuse a column of which most cells cannot be read."""
-    if wrong.mean() > 0.5:
-        cell = table.frame[column].iloc[int(np.argmax(wrong))]
-        raise reject(f"{table.file}: {table.label(column)}", str(cell), allowed)
-
-
-def _read_positions(
-    table: Table, roles: dict[str, int], unit: str | None, thousands: str | None
-) -> Places:
-    """Parse the columns of the positions; a unit of None is that of the header."""
-    degrees = "lat" in roles
-    axes = [roles[role] for role in (("lon", "lat") if degrees else ("x", "y"))]
-    of_x, of_y = (split_unit(table.names[column])[1] for column in axes)
-    if degrees and unit not in (None, "m", *DEGREES):
-        raise reject("unit", unit, f"no value, as {table.file} has latitudes and longitudes")
-    if unit is None and of_x != of_y:
-        raise ArgumentError(
-            f"{table.file}: positions in {of_x} and {of_y}: expected one, or --unit"
-        )
-    unit = unit or of_x
-    if not degrees and unit is not None and unit.lower() in DEGREES:
-        degrees = True
-        table.notes.append("x taken as longitude and y as latitude")
-    values = np.empty((len(table.frame), 2))
-    wrong = np.zeros(len(values), np.bool_)
-    for k, column in enumerate(axes):
-        parse = parse_angles if degrees else parse_numbers
-        values[:, k], unread, comma = parse(table.frame[column], thousands)
-        _check_readable(table, column, unread, "numbers, or --thousands with the mark between them")
-        wrong |= unread
-        table.notes += ["decimal comma"] * comma
-    if degrees:
-        values, form = in_degrees(values, any("position" in table.names[k].lower() for k in axes))
-        if of_x == "rad":
-            values, form = np.degrees(values), "radians"
-        if form:
-            table.notes.append(f"latitude and longitude are {form}")
-        _check_readable(table, axes[1], np.abs(values[:, 1]) > 90.0, "latitudes up to 90 degrees")
-        for k, role in enumerate(("east_west", "north_south")):
-            if role in roles:
-                letters = texts_of(table.frame[roles[role]]).str.upper()
-                values[letters.str.startswith(("W", "S")).to_numpy(), k] *= -1.0
-    wrong |= (np.abs(values) > ([360.0, 90.0] if degrees else 1e12)).any(axis=1)
-    if "valid" in roles:
-        wrong |= _without_fix(table, roles["valid"])
-    values[wrong] = np.nan
-    wrong |= cleaning.fill_values(values)
-    values[wrong] = np.nan
-    return Places(values, wrong, "m" if degrees else unit, degrees)
-
-
-def _without_fix(table: Table, column: int) -> BoolArray:
-    """Return in which rows (n,) the sensor says that it had no position."""
-    # The status 0 of a ship is that it moves.
-    numbers = [] if "status" in table.names[column].lower() else ["0", "0.0"]
-    cells = texts_of(table.frame[column]).str.lower()
-    without: BoolArray = cells.isin(["false", "v", "no", "invalid", *numbers]).to_numpy()
-    return without & (without.mean() < 0.5)
-
-
-def _read_polar(
-    table: Table,
-    roles: dict[str, int],
-    times: Times,
-    rows_of: Sequence[tuple[str, IntArray]],
-    radar: Radar | None,
-    thousands: str | None,
-) -> Places:
-    """Parse ranges and bearings of a radar to positions, and range rates if it measures them.
-    Without a radar its standard deviations are those of the measurements.
-    """
-    names = ("range", "bearing", "rate")[: 2 if radar is None else radar.values]
-    columns = [parse_numbers(table.frame[roles[name]], thousands) for name in names]
-    length, angle, *speed = (split_unit(table.names[roles[name]])[1] for name in names)
-    if angle not in (None, "rad", *DEGREES):
-        name = f"{table.file}: unit of {table.label(roles['bearing'])}"
-        raise reject(name, angle, "deg or rad")
-    if length is not None and speed not in ([], [None], [f"{length}/s"]):
-        name = f"{table.file}: unit of {table.label(roles['rate'])}"
-        raise reject(name, speed[0], f"{length}/s, as of the range")
-    radians = angle == "rad"
-    table.notes.append(
-        f"bearings in {'radians from the x axis' if radians else 'degrees from north'}"
-    )
-    ranges, bearings, *rates = (numbers for numbers, _, _ in columns)
-    wrong = np.any([wrong for _, wrong, _ in columns], axis=0)
-    with np.errstate(invalid="ignore"):
-        wrong |= (ranges < 0.0) | (ranges > 1e12) | (np.abs(bearings) > 1e12)
-    rows = np.column_stack([ranges, bearings if radians else np.radians(90.0 - bearings)])
-    rows[wrong] = np.nan
-    if radar is None:
-        radar = _found_radar(table, times.seconds, rows, rows_of, length or "units")
-    positions = np.array([radar.located(row)[:2] for row in rows])
-    return Places(positions, wrong, length, False, radar, *rates)
-
-
-def _found_radar(
-    table: Table,
-    seconds: FloatArray,
-    polar: FloatArray,
-    rows_of: Sequence[tuple[str, IntArray]],
-    unit: str,
-) -> Radar:
-    """Return a radar at the origin with the standard deviations of measured ranges and bearings,
-    (n, 2).
-    """
-    tracks = []
-    known = np.isfinite(seconds) & np.isfinite(polar).all(axis=1)
-    for _, rows in rows_of:
-        instants, first = np.unique(seconds[rows[known[rows]]], return_index=True)
-        values = polar[rows[known[rows]][first]]
-        values[:, 1] = np.unwrap(values[:, 1])
-        tracks.append((instants, values))
-    deviations = noise_deviations(tracks)
-    if deviations is None or not deviations.all():
-        raise ArgumentError(
-            f"{table.file}: range and azimuth of a radar, whose standard deviations are not seen"
-            " (few or rounded measurements): give them by --radar, for example --radar '30 0.01'"
-        )
-    length, angle = deviations.tolist()
-    table.notes.append(
-        f"range and azimuth of a radar: standard deviations {length:.3g} {unit} and"
-        f" {np.degrees(angle):.3g} deg are found; give them by --radar '{length:.3g} {angle:.3g}'"
-    )
-    return Radar(range_deviation=length, bearing_deviation=angle)
-
-
 def _recording(
     table: Table,
     times: Times,
     places: Places,
     rows: pd.DataFrame,
-    marked: bool,
     *,
     name: str,
     gap: float | None,
+    marked: bool,
+    single: bool,
 ) -> Recording:
-    """Return the recording of an object; `marked`: the rows are known to be of one object."""
+    """Return the recording of an object. `marked`: a column says that the rows are of one object;
+    `single`: the caller says so.
+    """
     already, total = cleaning.lost(table), len(rows)
-    rows = cleaning.ordered_rows(table, rows, marked)
+    axes, unit = ["x", "y"], places.unit or "units"
+    rows = cleaning.sorted_rows(table, rows)
+    rows = table.without(rows, rows.void, "rows of a sensor without a fix")
     rows = table.without(rows, rows.wrong, "rows whose position cannot be read")
-    axes = ["x", "y"]
     measured = rows.dropna(subset=axes)
     if len(measured) < 2:
         raise ArgumentError(
             f"{table.file}: {name} has {len(measured)} measured positions: expected at least two"
         )
     projection = None
+    if places.degrees:
+        projection = centred_projection(rows.y, rows.x)
+        rows[axes] = projection.forward(rows.y, rows.x)
+    several = "name by --object the column that tells them apart"
+    distance, jumps = cleaning.jumps_between_places(rows.dropna(subset=axes))
+    rows = cleaning.rows_of_times(table, rows)
+    measured = rows.dropna(subset=axes)
     if places.unit is None and cleaning.look_like_degrees(
         measured.time.to_numpy(), measured[axes].to_numpy()
     ):
         raise ArgumentError(
-            f"{table.file}: x and y look like degrees: --unit deg for longitude x and latitude y,"
-            " or --unit m for a plane"
+            f"{table.file}: x and y of {name} look like degrees: --unit deg for longitude x and"
+            " latitude y, or --unit m for a plane"
         )
-    if places.degrees:
-        projection = centred_projection(rows.y, rows.x)
-        rows[axes] = projection.forward(rows.y, rows.x)
-        measured = rows.dropna(subset=axes)
     stale = measured.index[cleaning.stale_rows(measured[axes].to_numpy())]
-    rows = table.without(rows, rows.index.isin(stale), "positions that a stale source repeats")
+    rows = table.without(rows, rows.index.isin(stale), cleaning.STALE)
     if not marked and cleaning.rows_alternate(rows[axes].dropna().to_numpy()):
         raise ArgumentError(
             f"{table.file}: rows alternate between places that are far apart, as of two objects:"
-            " name by --object the column that tells them apart, or --object none for a single one"
+            f" {several}, or --object none for a single one"
         )
-    if cleaning.lost(table) - already > 0.5 * total:
+    if jumps and not single:
+        raise ArgumentError(
+            f"{table.file}: {name} jumps {jumps:,} times between two places that are"
+            f" {float(f'{distance:.3g}'):,g} {unit} apart, as two objects of one name: {several}"
+        )
+    if cleaning.lost(table) - already > 0.5 * total and not single:
         causes = cleaning.causes(table)
         raise ArgumentError(f"{table.file}: more than half of {name} is left out: {causes}")
     return make_recording(
@@ -394,7 +290,7 @@ def _recording(
         gap=gap,
         # Reception was lost, or the logger was switched off.
         breaks=np.flatnonzero(rows.segment.diff().fillna(0.0)),
-        unit=places.unit or "units",
+        unit=unit,
         time_unit=times.unit,
         epoch=times.epoch,
         projection=projection,

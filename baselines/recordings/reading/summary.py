@@ -3,6 +3,7 @@
 import numpy as np
 
 from baselines.recordings.reading import cleaning
+from baselines.recordings.reading.names import VOID, role_of
 from baselines.recordings.reading.table import Table
 from baselines.recordings.reading.values import Times
 from baselines.recordings.recording import Recording
@@ -20,7 +21,8 @@ def summary(table: Table, roles: dict[str, int], times: Times, recordings: list[
     low, high = np.nanmin(positions, axis=0), np.nanmax(positions, axis=0)
     missing = int(np.isnan(positions[:, 0]).sum())
     pieces = sum(len(recording.pieces) for recording in recordings)
-    unused = [table.label(k) for k in range(len(table.names)) if k not in roles.values()]
+    used = {*roles.values()} | {k for k, name in enumerate(table.names) if role_of(name) in VOID}
+    unused = [table.label(k) for k in range(len(table.names)) if k not in used]
     more = f" and {len(unused) - 6} more" * (len(unused) > 6)
     centre = first.projection
     around = f" around {centre.latitude:.6g}, {centre.longitude:.6g}" if centre else ""

@@ -8,6 +8,8 @@ import pandas as pd
 
 from hybrid_env.checks import IntArray
 
+REPEATED = "repeated times"
+
 
 @dataclass(eq=False)
 class Table:
@@ -21,6 +23,8 @@ class Table:
     headed: bool = True
     # (n,) a number for the segment of a GPX track of each row.
     segments: IntArray | int = 0
+    # Why rows with one time are left out.
+    repeats: str = REPEATED
     # Lines that were left out, by the reason.
     left_out: dict[str, list[int]] = field(default_factory=dict)
     # What was assumed, for the summary.
@@ -35,6 +39,12 @@ class Table:
     def label(self, column: int) -> str:
         """Return the name of a column for a message."""
         return self.names[column] or f"column {column + 1}"
+
+    def add(self, name: str, cells: "pd.Series[Any]") -> int:
+        """Add a column and return its number."""
+        self.names.append(name)
+        self.frame[len(self.names) - 1] = cells
+        return len(self.names) - 1
 
     def leave_out(self, reason: str, lines: Any) -> None:
         """Note lines that are left out."""

@@ -1,5 +1,6 @@
 """From cells to numbers, angles and times."""
 
+import functools
 import re
 from typing import Any, NamedTuple, TypeAlias
 
@@ -18,6 +19,14 @@ YEARS = 6.3e8, 4.2e9
 FAR_CLOCK = 3e8
 # A time of day, or a date, also with a time of day, as a number: 101500.25 or 20260501101500.
 DIGITS = r"(?:\d{6}|(?:19|20)\d{6}(?:\d{6})?)(?:\.\d+)?"
+
+# Of latitude and longitude in one cell.
+BOTH = (
+    r"^(?P<lat>[^NSEW]+[NS])[\s,;/]*(?P<lon>[^NSEW]+[EW])$",
+    r"^(?P<lat>[NS][^NSEW]+?)[\s,;/]*(?P<lon>[EW][^NSEW]+)$",
+    r"^POINT\s*Z?\s*\(\s*(?P<lon>[^\s)]+)\s+(?P<lat>[^\s)]+)",
+    r"^[(\[]?(?P<lat>[^\s,;()]+)(?:[,;]\s*|\s+)(?P<lon>[^\s,;()]+)[)\]]?$",
+)
 
 CLOCKS = (
     *("%H:%M:%S", "%H:%M:%S.%f", "%H:%M", "%H%M%S", "%H%M%S.%f"),
@@ -109,6 +118,16 @@ def parse_angles(cells: Cells, thousands: str | None = None) -> tuple[FloatArray
     return values, wrong, comma
 
 
+def parted_places(cells: Cells) -> tuple[Cells, Cells]:
+    """Return the texts of latitude and longitude of cells that have both, as in `47.1, 9.2`,
+    `33°53'59"S 151°12'0"E` or `POINT (9.2 47.1)`.
+    """
+    texts = texts_of(cells)
+    parts = [texts.str.extract(form) for form in BOTH]
+    read = functools.reduce(pd.DataFrame.combine_first, parts)
+    return read["lat"], read["lon"]
+
+
 def in_degrees(values: FloatArray, semicircles: bool) -> tuple[FloatArray, str]:
     """Return degrees of longitudes and latitudes (n, 2), and how they were understood, "" for
     degrees: as semicircles or whole numbers of 1e-7 degrees, or as degrees and minutes such as
@@ -193,12 +212,16 @@ def _from_numbers(values: FloatArray, unit: str | None) -> Times:
     if not len(known):
         return Times(values, None, "")
     middle = float(np.median(known))
+    step = np.median(np.diff(np.unique(known), append=np.inf))
+    large = unit is None and len(known) >= 20 and step >= 1e4 and not (known % 1.0).any()
     for word in ("seconds", "milliseconds", "microseconds", "nanoseconds"):
         scale = SECONDS[word]
-        if SECONDS[unit or word] == scale and YEARS[0] <= middle * scale <= YEARS[1]:
+        # Dates hours apart are whole minutes; microseconds since a start are not.
+        since_start = word == "seconds" and large and (np.diff(known) % 60.0).any()
+        dated = SECONDS[unit or word] == scale and YEARS[0] <= middle * scale <= YEARS[1]
+        if dated and not since_start:
             return since_1970(values * scale, f"{word} since 1970")
-    step = np.median(np.diff(np.unique(known), append=np.inf))
-    if unit is None and len(known) >= 20 and step >= 1e4 and not (known % 1.0).any():
+    if large:
         unit = "us" if step < 1e7 else "ns"
     seconds = SECONDS[unit or "s"] * np.where(np.abs(values) < 1e300, values, np.nan)
     # Three centuries are no time of a sensor.

@@ -97,16 +97,23 @@ def test_a_broken_recording_gets_one_line_and_changes_nothing(tmp_path, capsys):
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_an_object_that_cannot_be_tracked_is_named(tmp_path, capsys):
+def test_an_object_that_cannot_be_tracked_is_named_and_costs_no_other(tmp_path, capsys):
     path = tmp_path / "ships.csv"
     write(path, mmsi=["211"] * ROWS)
     ships = pd.read_csv(path)
-    pd.concat([ships, ships.assign(mmsi="212", x=5.0, y=5.0)]).to_csv(path, index=False)
-
+    moored = ships.assign(mmsi="212", x=5.0, y=5.0)
+    moored.to_csv(path, index=False)
     assert main(["track", str(path)]) == 2
     [line] = capsys.readouterr().err.splitlines()
-    assert line.startswith(f"hybridtrack: {path}: 212: the ")
+    assert line.startswith(f"hybridtrack: {path}: the ")
     assert list(tmp_path.iterdir()) == [path]
+
+    pd.concat([moored, ships]).to_csv(path, index=False)
+    assert main(["track", str(path), "--no-png"]) == 0
+    printed = capsys.readouterr().out
+    assert "  warning: 212: the " in printed
+    assert "  warning: 1 of 2 objects not tracked\n  211: " in printed
+    assert set(pd.read_csv(tmp_path / "ships_track" / "modes.csv").object) == {211}
 
 
 def test_existing_results_are_not_overwritten_without_a_word(tmp_path):

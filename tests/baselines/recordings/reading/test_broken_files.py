@@ -35,7 +35,7 @@ PARQUET, ZIPPED = FRAME.to_parquet(), gzip.compress(ROWS.encode(), mtime=0)
         (b"\xff\xfex,y\n1", "UTF-16"),
         (b"x,y\n1,\x002\n", "file in UTF-8"),
         (b"PK\x03\x04" + bytes(100) + b"x", "workbook"),
-        ("<gpx><trk>", "begins as XML but is not GPX"),
+        ("<gpx><trk>", "begins as XML but is damaged"),
         (b"AXXX\nHFDTE010100\n", "B records|numbers|columns"),
         (ZIPPED[:-9], "cut off"),
         (PARQUET[:-100], "Parquet file is damaged"),
@@ -70,6 +70,30 @@ KINDS = {
         for k in range(9)
     )
     + b"</trkseg></trk></gpx>",
+    "kml": b'<kml xmlns:gx="g"><gx:Track>'
+    + b"".join(
+        b"<when>2024-05-01T10:00:%02dZ</when><gx:coord>3 55.%d 9</gx:coord>" % (k, k)
+        for k in range(9)
+    )
+    + b"</gx:Track></kml>",
+    "floating cars": b"<fcd>"
+    + b"".join(
+        b'<timestep time="%d"><vehicle id="a" x="%d" y="1"/></timestep>' % (k, k) for k in range(9)
+    )
+    + b"</fcd>",
+    "json": b'{"type": "FeatureCollection", "features": [{"type": "Feature", "properties":'
+    b'{"coordTimes": [1, 2, 3, 4]}, "geometry": {"type": "LineString", "coordinates":'
+    b"[[3, 55.1], [3, 55.2], [3, 55.3], [3, 55.4]]}}]}",
+    "lines of json": b"".join(b'{"t": %d, "lat": 55.%d, "lon": [3]}\n' % (k, k) for k in range(9))
+    + b'{"t": 9, "lat": 54, "lon": 3}\n' * 2
+    + b'{"t": 10, "lat": 54, "lon": 3}',
+    "nmea": b"".join(
+        b"$GPRMC,1000%02d,A,5%d00.0,N,00300.0,E,9,0,010524,,,A\n" % (k, k) for k in range(9)
+    ),
+    "zones": b"t,easting,northing,zone\n"
+    + b"".join(b"%d,500000,%d,3%dN\n" % (k, 5_000_000 + k, 2 + (k > 6)) for k in range(9)),
+    "earth-centred": b"t,x,y,z\n" + b"".join(b"%d,4000000,%d,4960000\n" % (k, k) for k in range(9)),
+    "both in one": b"t,position\n" + b"".join(b'%d,"4%d 10 N 3 E"\n' % (k, k) for k in range(9)),
 }
 
 

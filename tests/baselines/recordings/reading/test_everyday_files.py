@@ -1,9 +1,15 @@
 """One track as everyday loggers write it: what a person reads at once, and what needs an option."""
 
+import functools
+import json
+import operator
+
 import numpy as np
 import pandas as pd
+import pyproj
 import pytest
 
+from baselines.recordings.projection import centred_projection
 from hybrid_env.checks import ArgumentError
 
 ROWS = 120
@@ -15,6 +21,7 @@ LAT, LON = 47.25 + 9e-6 * Y, 9.3 + 13e-6 * X
 DATES = pd.Timestamp("2026-05-13T11:58:00") + pd.to_timedelta(T, unit="s")
 UNIX = DATES.to_numpy().astype("datetime64[ms]").astype(np.int64) / 1e3
 DAYS = UNIX / 86_400
+EAST, NORTH = centred_projection(LAT, LON).forward(LAT, LON).T
 PLACE = {"lat": LAT.round(7), "lon": LON.round(7)}
 LINES = pd.DataFrame({"time": T, **PLACE}).to_csv(index=False).splitlines()
 TEXT = "\n".join(LINES) + "\n"
@@ -68,10 +75,103 @@ def lost(values):
     return frame
 
 
+def plane(*names, **more):
+    """A file with x east and y north, or under other names."""
+    return pd.DataFrame({"time": T, names[0]: EAST.round(3), names[1]: NORTH.round(3)} | more)
+
+
+def players(*more, names=("a", "b", "c"), **columns):
+    """A file of several objects side by side, in a column that is no known name."""
+    parts = [plane("x", "y").assign(player=name) for name in names]
+    for k, part in enumerate(parts):
+        part["x"] += 40.0 * k
+    return pd.concat(parts).assign(**columns).sort_values("time", kind="stable")
+
+
+def ships(apart, every=2):
+    """Two ships, of which the second one has the name of a third, which is heard every so often."""
+    other = clock(time=T + 1.0)[::every].assign(lat=lambda rows: rows.lat + apart)
+    named = [(clock(time=T), 7), (clock(time=T), 8), (other, 8)]
+    return pd.concat([rows.assign(mmsi=name) for rows, name in named]).sort_values("time")
+
+
+def sentences(*kinds, wrong=()):
+    """A log of NMEA; the checksums of some rows are wrong."""
+    lines = []
+    for k, date in enumerate(DATES):
+        clock, day = date.strftime("%H%M%S.%f")[:10], date.strftime("%d%m%y")
+        lat, lon = (f"{int(v) * 100 + v % 1 * 60:012.6f}" for v in (LAT[k], LON[k]))
+        forms = {
+            "RMC": f"GPRMC,{clock},{'V' if LOST[k] else 'A'},{lat},N,{lon},E,9.0,0.0,{day},,,A",
+            "GGA": f"GPGGA,{clock},{lat},N,{lon},E,{int(not LOST[k])},09,0.9,400.0,M,47.0,M,,",
+        }
+        for kind in kinds:
+            total = functools.reduce(operator.xor, forms[kind].encode()) ^ (k in wrong)
+            lines.append(f"${forms[kind]}*{total:02X}")
+    return text(*lines)
+
+
+def marked_up(form, head, foot):
+    """A file of XML with an element for each row."""
+    rows = zip(DATES.strftime("%Y-%m-%dT%H:%M:%S.%fZ"), LAT, LON, T, EAST, NORTH, strict=True)
+    points = [form.format(d=d, a=a, b=b, t=t, x=x, y=y) for d, a, b, t, x, y in rows]
+    return text(f'<?xml version="1.0" encoding="UTF-8"?>{head}', *points, foot)
+
+
+KML = marked_up(
+    "<when>{d}</when><gx:coord>{b:.7f} {a:.7f} 500</gx:coord>",
+    '<kml xmlns="http://k/2.2" xmlns:gx="http://g/2.2"><Placemark><gx:Track>',
+    "</gx:Track></Placemark></kml>",
+)
+TCX = marked_up(
+    "<Trackpoint><Time>{d}</Time><Position><LatitudeDegrees>{a:.7f}</LatitudeDegrees>"
+    "<LongitudeDegrees>{b:.7f}</LongitudeDegrees></Position><Value>90</Value></Trackpoint>",
+    '<TrainingCenterDatabase xmlns="http://t/v2"><Lap><Track>',
+    "</Track></Lap></TrainingCenterDatabase>",
+)
+SUMO = marked_up(
+    '<timestep time="{t:.2f}"><vehicle id="a" x="{x:.3f}" y="{y:.3f}" speed="8.00" pos="5.1"/>'
+    '<vehicle id="b" x="{x:.3f}" y="{y:.3f}" speed="8.00" pos="5.1"/></timestep>',
+    "<fcd-export>",
+    "</fcd-export>",
+)
+ISO = dated("%Y-%m-%dT%H:%M:%S.%fZ", 7)
+COORDINATES = [[b, a, 500.0] for a, b in zip(LAT.round(7), LON.round(7), strict=True)]
+LINE = {"type": "LineString", "coordinates": COORDINATES}
+
+
+def feature(geometry, **properties):
+    return {"type": "Feature", "geometry": geometry, "properties": properties}
+
+
+def geojson(*features):
+    return json.dumps({"type": "FeatureCollection", "features": features})
+
+
+POINTS = [
+    feature({"type": "Point", "coordinates": place}, time=date)
+    for place, date in zip(COORDINATES, ISO, strict=True)
+]
+CENTRE = pyproj.Transformer.from_crs("EPSG:4979", "EPSG:4978", always_xy=True)
+ECEF = dict(zip("xyz", CENTRE.transform(LON, LAT, np.full(ROWS, 500.0)), strict=True))
+ZONES = np.where(np.median(X) > X, 32, 33)
+UTM = np.empty((ROWS, 2))
+for zone in (32, 33):
+    utm = pyproj.Proj(proj="utm", zone=zone)
+    UTM[zone == ZONES] = np.column_stack(utm(LON, LAT))[zone == ZONES]
+VELOCITY = {"vx": 0.0, "vy": 0.0}
+FIT = "Type,Local Number,Message,Field 1,Value 1,Units 1"
+AIS = "!AIVDM,1,1,,A,13HOI:0P0000VOHLCnHQKwvL05Ip,0*23"
+NO_FIX = "rows of a sensor without a fix (11)"
+ASSUMED = "x east, y north is assumed: left is counter-clockwise"
+NED = "x is north and y is east (NED)"
+# Of what is refused.
+NOT = "refused: "
+
 SAID = "times are "
 NO_TIME = "rows without a time"
-FILES = {
-    # Content and what the summary says of it.
+CASES = {
+    # Content; what the summary or a warning says, or why it is refused; options.
     "comma before milliseconds": (clock(time=dated("%Y-%m-%d %H:%M:%S,%f")), SAID + "dates from"),
     "UTC": (clock(time=dated("%Y-%m-%d %H:%M:%S.%f UTC", 10)), SAID + "dates from"),
     "12 hours": (
@@ -141,10 +241,7 @@ FILES = {
     "zeros": (lost(0.0), "rows whose position cannot be read (11)"),
     "9999": (lost(9999.0), "rows whose position cannot be read (11)"),
     "-1": (lost(-1.0), "rows whose position cannot be read (11)"),
-    "status": (
-        lost([47.3, 9.4]).assign(status=np.where(LOST, "V", "A")),
-        "rows whose position cannot be read (11)",
-    ),
+    "status": (lost([47.3, 9.4]).assign(status=np.where(LOST, "V", "A")), NO_FIX),
     "null": (lost("null"), "11 rows without a position"),
     "no fix": (lost("no fix"), "rows whose position cannot be read (11)"),
     "header after comments": (
@@ -171,81 +268,178 @@ FILES = {
     "UTF-16": (TEXT.encode("utf-16"), ""),
     "GPX": (gpx(), SAID + "dates from 2026-05-13T11:58:00Z"),
     "GPX in Latin": (gpx("ISO-8859-1"), "read as Windows-1252"),
-}
-
-
-# Measurements that cannot be read.
-FEWER = {"clock that is set late": 8, "one ahead": 1} | dict.fromkeys(
-    ["out of range", "AIS without a position", "zeros", "9999", "-1", "status", "null", "no fix"],
-    11,
-)
-
-
-@pytest.mark.parametrize("name", FILES)
-def test_files_that_are_read_without_an_option(read, name):
-    content, said = FILES[name]
-    expected = read(TEXT, name="expected.csv").recordings[0]
-    file = read(content)
-    [recording] = file.recordings
-    assert said in file.summary
-    assert recording.time_unit == "s"
-    rows = recording.measured
-    assert rows.sum() == ROWS - FEWER.get(name, 0)
-    times = recording.times[rows] - recording.times[0] + T[file.left_out.get(NO_TIME, 0)]
-    places = np.searchsorted(T, times - 0.5 * STEP)
-    np.testing.assert_allclose(times, T[places], atol=2e-3)
-    apart = recording.positions[rows] - expected.positions[places]
-    assert np.abs(apart - np.median(apart, axis=0)).max() < 0.2
-
-
-REFUSED = {
-    # Content, message, and options with which it is read.
     "photograph": (
         clock(time=dated("%Y:%m:%d %H:%M:%S.%f")),
-        "time='2026:05:13 .*--time-unit",
+        SAID + "dates (%Y:%m:%d %H:%M:%S.%f)",
         {"time_unit": "%Y:%m:%d %H:%M:%S.%f"},
     ),
-    "zone": (
+    "photograph without a format": (
+        clock(time=dated("%Y:%m:%d %H:%M:%S.%f")),
+        NOT + "time='2026:05:13 .*--time-unit",
+    ),
+    "zone of time": (
         clock(time=dated("%Y-%m-%d %H:%M:%S.%f CEST", 11)),
-        "time='2026-05-13 .*--time-unit",
+        SAID + "dates (%Y-%m-%d %H:%M:%S.%f CEST)",
         {"time_unit": "%Y-%m-%d %H:%M:%S.%f CEST"},
     ),
     "17 digits": (
         clock(time=dated("%Y%m%d%H%M%S%f")),
-        "time='20260513115800000' .*--time-unit",
-        {"time_unit": "%Y%m%d%H%M%S%f"},
+        NOT + "time='20260513115800000' .*--time-unit",
     ),
     "SBS": (
         clock(time=dated("%Y/%m/%d %H:%M:%S")).assign(a="MSG").to_csv(index=False, header=False),
-        "4 columns without names.*--columns",
-        {"columns": {"time": "1", "lat": "2", "lon": "3"}},
+        NOT + "4 columns without names.*--columns",
     ),
-    "other names": (
+    "other names": (place(LAT, LON, "a", "b"), "", {"columns": {"lat": "a", "lon": "b"}}),
+    "other names without an option": (
         place(LAT, LON, "a", "b"),
-        "no columns x and y.*its columns are Zeit, a, b.*--columns",
-        {"columns": {"lat": "a", "lon": "b"}},
+        NOT + "no columns x and y.*its columns are Zeit, a, b.*--columns",
     ),
-    "swapped": (place(LON + 100.0, LAT), "lat='109.3.*latitudes up to 90 degrees", None),
-    "in one column": (
+    "swapped": (place(LON + 100.0, LAT), NOT + "lat='109.3.*latitudes up to 90 degrees"),
+    "GPX cut off": (gpx()[:-900], NOT + "begins as XML but is damaged"),
+    "GPX with a free ampersand": (gpx().replace(b"<name>", b"<name>A & "), NOT + "damaged"),
+    "KML": (KML, SAID + "dates from 2026-05-13T11:58:00Z"),
+    "KML without times": (
+        "<?xml version='1.0'?><kml><LineString/></kml>",
+        NOT + "XML without points of a track of GPX, TCX, KML .*ogr2ogr",
+    ),
+    "TCX": (TCX, SAID + "dates from 2026-05-13T11:58:00Z"),
+    "floating cars": (SUMO, "2 objects by 'id'"),
+    "floating cars as a table": (
+        plane("vehicle_x", "vehicle_y").rename(columns={"time": "timestep_time"}),
+        "'timestep_time' taken as time (--columns)",
+    ),
+    "GeoJSON of points": (geojson(*POINTS), SAID + "dates from 2026-05-13"),
+    "GeoJSON of a line": (geojson(feature(LINE, coordTimes=ISO)), SAID + "dates from 2026-05-13"),
+    "GeoJSON of two lines": (
+        geojson(feature(LINE, coordTimes=ISO), feature(LINE, coordinateProperties={"times": ISO})),
+        "2 objects by 'track_id'",
+    ),
+    "GeoJSON without times": (geojson(feature(LINE)), NOT + "GeoJSON with times.*ogr2ogr"),
+    "lines of JSON": (
+        text(*(json.dumps(row) for row in clock(time=ISO).to_dict("records"))),
+        SAID + "dates from 2026-05-13",
+    ),
+    "nested lines of JSON": (
+        text(
+            *(
+                json.dumps({"t": t, "gps": {"lat": a, "lon": b}})
+                for t, a, b in zip(T, LAT, LON, strict=True)
+            )
+        ),
+        "tick 2.5 s",
+    ),
+    "locations": (
+        json.dumps({"locations": clock(timestampMs=(1e3 * UNIX).astype(int)).to_dict("records")}),
+        SAID + "milliseconds since 1970",
+    ),
+    "JSON of other things": ('{"time": [1, 2], "x": [1, 2], "y": [3, 4]}', NOT + "nor rows of"),
+    "NMEA without times": ("$GPGLL,4916.45,N,12311.12,W,225444,A,*1D\n" * 5, NOT + "RMC or GGA"),
+    "damaged JSON": ('{"lat": 1, "lon"\n', NOT + "neither GeoJSON with times nor rows of JSON"),
+    "NMEA": (sentences("RMC", "GGA"), NO_FIX),
+    "NMEA without dates": (sentences("GGA"), SAID + "times of day"),
+    "damaged NMEA": (sentences("RMC", wrong=(7,)), "sentences with a wrong checksum (1)"),
+    "AIS": (text(*[AIS] * 5), NOT + "decode them to CSV .* by pyais"),
+    "FIT": (text(FIT, *["Data,0,record,timestamp,1,s"] * 5), NOT + "FitCSVTool: .*--data record"),
+    "both in one column": (
         pd.DataFrame({"time": T, "Position": [f"{a}, {b}" for a, b in zip(LAT, LON, strict=True)]}),
-        "no columns x and y.*its columns are time, Position",
-        None,
+        "degrees projected",
     ),
-    "GPX cut off": (gpx()[:-900], "begins as XML but is not GPX", None),
-    "GPX with a free ampersand": (gpx().replace(b"<name>", b"<name>A & "), "is not GPX", None),
-    "KML": (b"<?xml version='1.0'?><kml></kml>", "expected a GPX file with points", None),
-    "JSON": ('{"type": "FeatureCollection"}\n', "not .*JSON", None),
-    "NMEA": ("$GPRMC,101500,A,4700.0003,N,00800.0011,E,0.5,54.7,010526,,*1F\n", "NMEA", None),
+    "both as texts": (
+        pd.DataFrame(
+            {
+                "time": T,
+                "coordinates": degrees("{d}°{m}'{s}''{c}").iloc[:, 1:].agg(" ".join, axis=1),
+            }
+        ),
+        "degrees projected",
+    ),
+    "well-known text": (
+        pd.DataFrame(
+            {"time": T, "wkt": [f"POINT ({b} {a})" for a, b in zip(LAT, LON, strict=True)]}
+        ),
+        "degrees projected",
+    ),
+    "another clock": (
+        clock(**{"acquisition time": dated("%Y-%m-%d %H:%M:%S.%f")}),
+        "'acquisition time' taken as time",
+    ),
+    "topics": (
+        plane("/pose/position/x", "/pose/position/y").rename(columns={"time": "__time"}),
+        "",
+    ),
+    "plane": (plane("x", "y"), ASSUMED),
+    "plane that is said": (plane("x", "y"), "tick 2.5 s", {"frame": "enu"}),
+    "compass": (plane("east [m]", "north [m]"), ""),
+    "north first": (plane("y", "x"), NED, {"frame": "ned"}),
+    "autopilot": (plane("y", "x", z=-20.0, **VELOCITY), NED),
+    "autopilot on the ground": (plane("y", "x", z=0.1, xy_valid=1, **VELOCITY), NED),
+    "robot": (plane("x", "y", z=0.3, **VELOCITY), ASSUMED),
+    "words as z": (plane("x", "y", z="high", **VELOCITY), ASSUMED),
+    "MAVLink": (plane("local_position_ned.y", "local_position_ned.x"), NED),
+    "pixels": (
+        plane("x", "y").assign(y=-NORTH).rename(columns=lambda c: c + " [px]" * (c != "time")),
+        "y points down",
+    ),
+    "image": (plane("x", "y").assign(y=-NORTH), "y points down", {"frame": "image"}),
+    "earth-centred": (pd.DataFrame({"time": T} | ECEF), "earth-centred (ECEF)"),
+    "earth-centred without z": (plane("x", "y"), NOT + "has no z", {"frame": "ecef"}),
+    "another frame": (plane("x", "y"), NOT + "frame='up'.*one of enu, ned", {"frame": "up"}),
+    "frame of a compass": (plane("east", "north"), NOT + "frame='ned'", {"frame": "ned"}),
+    "frame of degrees": (clock(time=T), NOT + "frame='ned'", {"frame": "ned"}),
+    "two zones": (
+        pd.DataFrame({"time": T, "easting": UTM[:, 0], "northing": UTM[:, 1], "zone": ZONES}),
+        "UTM positions of several zones",
+    ),
+    "quality": (lost([47.3, 9.4]).assign(quality=np.where(LOST, 0, 4)), NO_FIX),
+    "dilution": (lost([47.3, 9.4]).assign(hdop=np.where(LOST, 99.99, 1.2)), NO_FIX),
+    "players": (players(), "3 objects by 'player'"),
+    "teams": (
+        pd.concat(
+            [
+                players(names=(1, 2)).assign(team=team, y=lambda rows, k=k: rows.y + 90.0 * k)
+                for k, team in enumerate("AB")
+            ]
+        ).sort_values("time", kind="stable"),
+        "4 objects by 'player and team'",
+    ),
+    "one name for two ships": (ships(3.0), "8 jumps 120 times between two places"),
+    "one name for a ship that is rarely heard": (ships(3.0, 5), "8 jumps 48 times between"),
+    "everything twice": (
+        pd.concat([clock(time=T)] * 2).sort_values("time", kind="stable"),
+        "120 of 240 rows are left out: repeated times (120)",
+    ),
 }
 
 
-@pytest.mark.parametrize("name", REFUSED)
-def test_files_that_need_an_option_or_another_program(read, name):
-    content, message, options = REFUSED[name]
-    with pytest.raises(ArgumentError, match=message):
-        read(content)
-    if options:
-        assert len(read(content, **options).recordings[0].times) > 100
+# Measurements that cannot be read.
+FEWER = {"clock that is set late": 8, "one ahead": 1, "damaged NMEA": 12} | dict.fromkeys(
+    [
+        *("out of range", "AIS without a position", "zeros", "9999", "-1", "status", "null"),
+        *("no fix", "NMEA", "NMEA without dates", "quality", "dilution"),
+    ],
+    11,
+)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_what_people_have_is_read_or_refused_with_advice(read, name):
+    content, said, options = (*CASES[name], {})[:3]
+    if said.startswith(NOT):
+        with pytest.raises(ArgumentError, match=said.removeprefix(NOT)):
+            read(content, **options)
+        return
+    file = read(content, **options)
+    assert said in " ".join([file.summary, *file.warnings])
+    for recording in file.recordings:
+        assert recording.time_unit == "s"
+        rows = recording.measured
+        assert rows.sum() == ROWS - FEWER.get(name, 0)
+        times = recording.times[rows] - recording.times[0] + T[file.left_out.get(NO_TIME, 0)]
+        places = np.searchsorted(T, times - 0.5 * STEP)
+        np.testing.assert_allclose(times, T[places], atol=2e-3)
+        apart = recording.positions[rows] - np.column_stack([EAST, NORTH])[places]
+        assert np.abs(apart - np.median(apart, axis=0)).max() < 0.2
 
 
 def test_days_of_a_calendar_need_their_unit(read):

@@ -82,3 +82,14 @@ def test_a_clock_that_is_set_begins_a_new_piece_with_all_positions(hours):
     np.testing.assert_array_equal(np.diff(log.times), steps)
     said = ("times that the clock was set back, where a new piece begins: 1",)
     assert log.notes == (said if hours < 0 else ())
+
+
+@pytest.mark.parametrize("void", [5, 120])
+def test_void_positions_are_left_out_unless_the_logger_has_no_others(tmp_path, void):
+    path = tmp_path / "flight.igc"
+    path.write_bytes(log_at(CLOCK).replace(b"EA0", b"EV0", void))
+    file = read_recordings(path)
+
+    left_out = {"rows of a sensor without a fix": void} if void < 120 else {}
+    assert file.left_out == left_out
+    assert len(file.recordings[0].times) == 120 - sum(left_out.values())

@@ -177,7 +177,7 @@ def test_gpx_without_times_and_with_two_tracks(read, read_one):
         ("Morning run", 20),
         ("track 2", 9),
     ]
-    with pytest.raises(ArgumentError, match="GPX file with points of a track"):
+    with pytest.raises(ArgumentError, match="XML without points of a track of GPX"):
         read(GPX.format(""))
 
 

@@ -229,17 +229,19 @@ def test_times_that_two_receivers_repeat_are_not_rounded(read):
 
 
 @pytest.mark.parametrize("objects", [2, 3])
-def test_objects_of_an_unknown_column_are_warned_of_or_refused(read, objects):
+def test_objects_without_a_column_are_warned_of_or_refused(read, objects):
     others = [FRAME.assign(y=FRAME.y + 5.0 * k, player=k) for k in range(objects)]
     frame = pd.concat(others).assign(time=lambda rows: 0.04 * rows.time)
     frame = frame.sort_values(["time", "player"])
+    nameless = frame.drop(columns="player")
     hint = "repeated times at other places .*name their column by --object"
     if objects == 2:
-        [warning] = read(frame).warnings
+        [warning] = read(nameless).warnings
         assert re.search(hint, warning)
     else:
         with pytest.raises(ArgumentError, match=f"more than half.*{hint}"):
-            read(frame)
+            read(nameless)
+    assert len(read(frame).recordings) == objects
     assert len(read(frame, object_column="player").recordings) == objects
     assert len(read(frame, object_column="none").recordings) == 1
 
