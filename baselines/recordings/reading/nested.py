@@ -14,6 +14,8 @@ from hybrid_env.checks import ArgumentError
 
 # Elements of XML that are positions, of GPX, TCX and the floating car data of SUMO.
 POINTS = "trkpt", "Trackpoint", "vehicle", "person"
+# Roles of what stands inside of them.
+WANTED = "time", "lat", "lon", "valid", "dilution"
 CONVERT = "convert it to GPX, for example by gpsbabel or by ogr2ogr -f GPX"
 
 
@@ -30,7 +32,7 @@ def rows_of_xml(text: str, file: str) -> pd.DataFrame:
     tracks = 0
     for element in root.iter():
         kind = _plain(element.tag)
-        if kind == "trk":
+        if kind in ("trk", "Placemark"):
             tracks += 1
             name = element.findtext("{*}name")
             outer["track_id"] = (name or "").strip() or f"track {tracks}"
@@ -48,9 +50,6 @@ def rows_of_xml(text: str, file: str) -> pd.DataFrame:
         kinds = "points of a track of GPX, TCX, KML (gx:Track) or SUMO"
         raise ArgumentError(f"{file}: XML without {kinds}: {CONVERT}")
     return pd.DataFrame(rows)
-
-
-WANTED = "time", "lat", "lon", "valid", "dilution"
 
 
 def _plain(tag: str) -> str:

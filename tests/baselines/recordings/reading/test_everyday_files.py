@@ -299,6 +299,10 @@ CASES = {
     "GPX cut off": (gpx()[:-900], NOT + "begins as XML but is damaged"),
     "GPX with a free ampersand": (gpx().replace(b"<name>", b"<name>A & "), NOT + "damaged"),
     "KML": (KML, SAID + "dates from 2026-05-13T11:58:00Z"),
+    "KML of two": (
+        KML.replace("</kml>", KML[KML.index("<Placemark>") :]),
+        "2 objects by 'track_id'",
+    ),
     "KML without times": (
         "<?xml version='1.0'?><kml><LineString/></kml>",
         NOT + "XML without points of a track of GPX, TCX, KML .*ogr2ogr",
