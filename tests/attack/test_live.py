@@ -121,6 +121,7 @@ def disturb(seed):
             assert (estimate.covariance.diagonal() >= 0.0).all(), (seed, k)
 
 
+@pytest.mark.filterwarnings("ignore:the last 5 measurements were more than 100 ticks apart")
 @pytest.mark.parametrize("cases", counts(30, 1_000))
 def test_a_live_track_takes_or_refuses_whatever_is_sent(cases):
     for sensors in range(3):

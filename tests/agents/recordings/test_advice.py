@@ -27,7 +27,7 @@ RANGES = {"time": T, "range": (np.hypot(X + 900.0, Y) / 90.0).round() * 90.0, "a
 @pytest.mark.parametrize(
     ("columns", "options", "cause", "advice"),
     [
-        (DEGREES, "", "x and y look like degrees", "--unit deg"),
+        (DEGREES, "", "x and y of drive look like degrees", "--unit deg"),
         (TWO, "", "rows alternate .* two objects", "--object who"),
         ({"t": T, "u": X, "v": Y}, "", "no columns x and y", "--columns time=1 x=2 y=3"),
         ({"t": T, "x_m": X, "y_ft": Y}, "", "positions in m and ft", "--unit m"),
@@ -47,7 +47,12 @@ RANGES = {"time": T, "range": (np.hypot(X + 900.0, Y) / 90.0).round() * 90.0, "a
             "times what R says",
             "--measurement-variance (found)",
         ),
-        (STRAIGHT, "", "the positions have no noise", "--measurement-variance (found)"),
+        (
+            STRAIGHT,
+            "--measurement-variance 1e-20",
+            "the positions have no noise",
+            "--measurement-variance (found)",
+        ),
     ],
 )
 def test_advice_is_followed(tmp_path, capsys, columns, options, cause, advice):
