@@ -21,8 +21,9 @@ from hybrid_env.checks import AnyArray, BoolArray, FloatArray, IntArray, Moments
 from hybrid_env.compiled import run_compiled
 
 # Places of x, vx, y, vy in the state, and of their covariance.
-ORDER = [0, 2, 1, 3]
+ORDER = np.array([0, 2, 1, 3])
 ORDER_OF_BOTH = np.ix_(ORDER, ORDER)
+FLAT_ORDER = np.ravel_multi_index(ORDER_OF_BOTH, (STATES, STATES))
 # Places of the own states in [x, vx, y, vy, ax, ay] of a linear mode.
 LINEAR = [0, 2, 1, 3, 4, 5]
 # Ticks that are smoothed at a time.
@@ -219,7 +220,7 @@ class PieceSmoother:
         arguments = self.measurements, self.noises, segments, self.speed, self.freedom
         run_compiled(smooth_first, *arguments, self.memory, self.last, means, spreads)
         self.last = modes
-        return means[0, ORDER], spreads[0][ORDER_OF_BOTH]
+        return means.take(ORDER), spreads.take(FLAT_ORDER)
 
     def _filtered(
         self, ticks: IntArray, segments: Segments

@@ -470,14 +470,15 @@ class OnlineTracker(OwnState):
         row = np.full(9 if self.options.sensors else 2, np.nan)
         if point is not None:
             row[:2] = point.position
+        if point is not None and self.options.sensors:
             noise = self._noise if point.covariance is None else np.array(point.covariance)
-            row[2:5] = (noise / self._noise[0])[: len(row) - 2]
+            row[2:5] = noise / self._noise[0]
             row[5 : 5 + len(point.rates)] = point.rates
         if state.smoother is None:
             arguments = self.track.options, self.lag, row, start
             state.smoother = FixedLagSmoother(*arguments, PROCESS_SHARE)
         settled = state.smoother.step(row)
-        if settled is not None:
+        if settled is not None and not self.units.same:
             moments = self.units.moments(settled.estimate, settled.covariance)
             settled = settled._replace(estimate=moments[0], covariance=moments[1])
         state.settled = settled

@@ -59,13 +59,17 @@ class FixedLagSmoother:
     ):
         # Covariance xx, xy, yy of a measured position [m^2].
         self._noise = np.array([options.variances[0], 0.0, options.variances[-1]])
-        most, self.model = beam_of(options, None, process_share)
+        # Half of the segments of a beam that decides at once are enough, and take half the time.
+        branches = max(32, 8 * options.hypotheses)
+        most, self.model = beam_of(options, branches, process_share)
         self._positions = np.full((lag + 1, 2), np.nan)
         self._noises = np.tile(self._noise_of(first), (lag + 1, 1))
         starts, rough = starts_of(start, first[:2], self._noises[0], options)
         self._walk = LatticeWalk(starts, most, self.model)
         self._smoother = smoother_of(options, self._positions, self._noises, rough)
         self._arrays = self._walk.arrays(lag + 1)
+        # 1 at ticks with a measurement.
+        self._measured = np.zeros(lag + 1)
         self._offsets = np.arange(lag + 2) * self._arrays[0][0].size
         self._ends = np.full(lag + 1, BY_LAW)
         self._worth = worth_of(options.motions)
@@ -80,21 +84,24 @@ class FixedLagSmoother:
         """Advance by one tick with a measurement like the first one, NaN if there is none; return
         what is known of the tick `lag` ticks ago, None if there is no such tick.
         """
-        for array in (self._positions, self._noises, *self._arrays):
+        for array in (self._positions, self._noises, self._measured, *self._arrays):
             array[:-1] = array[1:]
         self._positions[-1], self._noises[-1] = row[:2], self._noise_of(row)
+        self._measured[-1] = not math.isnan(row[0])
         end = BY_LAW if self._walk.ticks else 0.0
         self._walk.extend(row[None], np.full(1, end), *(array[-1:] for array in self._arrays))
         if self._walk.ticks < len(self._positions):
             return None
-        arrays = [array.ravel() for array in self._arrays]
+        arrays = [array.reshape(-1) for array in self._arrays]
         lattice = self._walk.lattice(self._offsets, arrays, self._ends)
         probabilities = smooth_lattice(lattice, self.model)
-        weights = (~np.isnan(self._positions[:, 0])).astype(float)
+        weights = self._measured.copy()
         weights[-1] += AHEAD
         worth = probabilities @ self._worth
         modes = choose_modes(worth, weights, last=self._mode)
-        begins = modes != np.append(-1 if self._mode is None else self._mode, modes[:-1])
+        begins = np.empty(len(modes), bool)
+        begins[0] = modes[0] != self._mode
+        begins[1:] = modes[1:] != modes[:-1]
         self._mode = int(modes[0])
         moments = self._smoother.smooth_first(modes, begins)
         return Settled(self._mode, probabilities[0], *moments)

@@ -8,7 +8,7 @@ from agents import load_recipe
 from agents.training.runs import make_run
 from baselines.rules.rollout import record_decisions
 from studies.shipped.stopping import expected_reward, paths_of
-from studies.shipped.test_shipped import small_run
+from studies.shipped.test_shipped import KINDS, small_run
 
 ENV = "hybrid_env:HybridTrackPublished-v0"
 ALONE = (
@@ -55,7 +55,7 @@ def test_a_segment_that_runs_on_knows_what_each_declaration_earns():
 
 
 def test_training_of_the_stop_leaves_the_anchor_agent_as_it_is():
-    run = small_run("stopping", steps=700)
+    run = small_run("stopping", steps=700, kinds=KINDS)
     before = {name: tensor.clone() for name, tensor in run.net.state_dict().items()}
     run.train()
     after = run.net.state_dict()

@@ -89,7 +89,7 @@ class Aircraft(Vehicle):
         # Loaded where it is used: few have it.
         import jsbsim
 
-        # The logger of this thread: the base class prints nothing.
+        # Of this thread: the base class prints nothing.
         jsbsim.set_logger(jsbsim.FGLogger())
         model = jsbsim.FGFDMExec(jsbsim.get_default_root_dir())
         model.load_model(self.name)

@@ -31,7 +31,7 @@ def test_probabilities_are_those_of_a_recording_that_ends_now():
     known = follow(z, gate=None)
     assert [now.settled for now in known[:LAG]] == [None] * LAG
     for last in (LAG, 45, 70, 128, len(z) - 1):
-        ends_now = smooth_modes(z[: last + 1], OPTIONS, branches=64, process_share=PROCESS_SHARE)
+        ends_now = smooth_modes(z[: last + 1], OPTIONS, branches=32, process_share=PROCESS_SHARE)
         settled = known[last].settled
         row = last - LAG
         np.testing.assert_array_equal(settled.probabilities, ends_now.probabilities[row])
@@ -54,7 +54,7 @@ def test_a_track_begins_at_the_estimate_that_is_given():
     for point in z[: LAG + 1]:
         now = tracker.update(tuple(point))
     known = smooth_modes(
-        z[: LAG + 1], OPTIONS, start=start, branches=64, process_share=PROCESS_SHARE
+        z[: LAG + 1], OPTIONS, start=start, branches=32, process_share=PROCESS_SHARE
     )
     np.testing.assert_allclose(now.settled.probabilities, known.probabilities[0], atol=1e-9)
     assert np.isnan(now.settled.time)
