@@ -186,8 +186,8 @@ def _find_pieces(
         smoothed = smoother.smooth(pieces)
     else:
         # Rough turn rates are enough to find where the object stands.
-        smoothed = smoother.smooth(pieces, rounds=1)
-        speeds = np.where(stands[modes_of(pieces)], 0.0, smoothed[2][:, 0])
+        speeds = smoother.smooth(pieces, rounds=1)[2][:, 0].copy()
+        speeds[stands[modes_of(pieces)]] = 0.0
         worth[speeds < STANDS * options.speed] = stands
         pieces = runs_of(choose_modes(worth, weights))
         smoother.smooth(pieces, rounds=1)
@@ -211,6 +211,8 @@ def _find_pieces(
             begins, moments, gradual = find_begins(*arguments)
         if gradual.any() or (begins != pieces[:, 0]).any():
             pieces = pieces_of(begins, pieces[:, 2], ticks)
+            # Those of a long recording are large.
+            del smoothed
             smoothed = smoother.smooth(pieces, gradual)
     # An object that stands has no speed, also where its position drifts.
     smoothed[2][stands[modes_of(pieces)], :2] = 0.0
