@@ -206,7 +206,7 @@ def _find_pieces(
             begins = pieces[:, 0][kept]
             begins[1:] = np.where(kept[:-1][kept[1:]], begins[1:], pieces[:-1, 0][kept[1:]])
             pieces = pieces_of(begins, pieces[kept, 2], ticks)
-            smoother.smooth(pieces)
+            smoothed = smoother.smooth(pieces)
             arguments = pieces, measured, options, smoother, process_share
             begins, moments, gradual = find_begins(*arguments)
         if gradual.any() or (begins != pieces[:, 0]).any():
