@@ -17,13 +17,14 @@ from baselines.rules.beam_filters import (
     begin_branches,
     branch_arrays,
     walk_branches,
+    walk_memory,
 )
 from baselines.rules.beam_prior import Prior, hazard_tables, hazards, mixed_prior
 from baselines.rules.decider import Actions, Variants
 from baselines.rules.measurements import MeasurementDecider, own_filters, sensors_of
 from baselines.rules.threshold import reachable_probabilities, state_modes
 from hybrid_env.checks import BoolArray, FloatArray, check_integer
-from hybrid_env.compiled import INNOVATION, MEASURED, aligned_zeros, run_compiled
+from hybrid_env.compiled import run_compiled
 from hybrid_env.durations import Durations, GeometricDurations
 from hybrid_env.limits import MAX_LENGTH
 from hybrid_env.quickest_options import QuickestOptions
@@ -152,13 +153,10 @@ class BeamDecider(MeasurementDecider):
 
     def step(self, state: BeamState, measurements: FloatArray) -> None:
         """Advance the branches of all tracks; see `MeasurementDecider.step`."""
-        capacity = state.branches.histories.shape[1]
         run_compiled(
             walk_branches,
             state.branches,
-            branch_arrays(1, self.hypotheses + capacity),
-            aligned_zeros((1,), INNOVATION),
-            aligned_zeros((1,), MEASURED),
+            walk_memory(state.branches, self.model),
             Walk(measurements[None], np.full(1, BY_LAW), 0, *NO_NODES),
             state.log_probability,
             self.model,

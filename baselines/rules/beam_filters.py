@@ -30,7 +30,9 @@ from baselines.rules.measurements import copy_filter, estimate_in
 from hybrid_env.checks import AnyArray, Float32Array, FloatArray, IntArray
 from hybrid_env.compiled import (
     AWARE_HYPOTHESIS,
+    INNOVATION,
     LANES,
+    MEASURED,
     FilterModel,
     State,
     Triangle4,
@@ -387,6 +389,31 @@ def _extend(
     return count, shares
 
 
+class WalkMemory(NamedTuple):
+    """Temporary memory of a walk over branches."""
+
+    # (1, ...) continuations of the branches of a track.
+    children: Branches
+    # (1,) record `INNOVATION`
+    innovations: AnyArray
+    # (1,) record `MEASURED`
+    measured: AnyArray
+    # (1,) record `AWARE_HYPOTHESIS`: filters that are not advanced with the others.
+    apart: AnyArray
+
+
+def walk_memory(branches: Branches, model: BeamModel) -> WalkMemory:
+    """Return memory for a walk over branches."""
+    modes = model.motions.size
+    capacity = branches.histories.shape[1]
+    return WalkMemory(
+        branch_arrays(1, modes + (2 if model.depth else 1) * capacity),
+        aligned_zeros((1,), INNOVATION),
+        aligned_zeros((1,), MEASURED),
+        aligned_zeros((1,), AWARE_HYPOTHESIS),
+    )
+
+
 class Walk(NamedTuple):
     """Ticks over which the branches of N tracks go, and what is kept of them.
 
@@ -408,25 +435,46 @@ class Walk(NamedTuple):
     weights: Float32Array
 
 
+@internal
+def _advance(children: Branches, group: int, memory: WalkMemory, model: BeamModel) -> None:
+    """Advance the filters of a group of branches by a tick.
+
+    Straight motion and turns have the same filter, whose lanes are advanced together; those of
+    linear modes are kept apart meanwhile, and advanced one by one.
+    """
+    kalman = children.filters[0, group]
+    histories = children.histories[0, group * LANES : (group + 1) * LANES]
+    apart, motions = memory.apart[0], model.motions
+    innovation, measured = memory.innovations[0], memory.measured[0]
+    for lane in range(LANES):
+        if motions[histories[lane].mode].linear:
+            copy_filter(kalman, lane, apart, lane)
+    # With signed numbers the loop over lanes is no SIMD code.
+    first, last = np.uint64(0), np.uint64(LANES)
+    arguments = None, measured, model.sensors, model.filters
+    step_motion(kalman, innovation, first, last, *arguments)
+    for lane in range(LANES):
+        motion = motions[histories[lane].mode]
+        if motion.linear:
+            copy_filter(apart, lane, kalman, lane)
+            first = np.uint64(lane)
+            others = motion, measured, model.sensors, model.filters
+            step_motion(kalman, innovation, first, first + np.uint64(1), *others)
+
+
 @compiled
 def walk_branches(
     branches: Branches,
-    children: Branches,
-    innovations: AnyArray,
-    measured: AnyArray,
+    memory: WalkMemory,
     walk: Walk,
     log_probability: FloatArray,
     model: BeamModel,
 ) -> None:
     """Advance the branches of all tracks tick by tick, and write the log probabilities of the modes
     at the last one, (N, M).
-
-    `children`, (1, ...), with room for M and B more branches, and `innovations` and `measured`,
-    (1,), are memory.
     """
+    children, measured = memory.children, memory.measured
     capacity = branches.histories.shape[1]
-    # Straight motion and turns have the same filter, whose lanes are advanced together.
-    lanes = 1 if model.motions["linear"].any() else LANES
     for each in range(walk.measurements.shape[0] * walk.measurements.shape[1]):
         track = each % walk.measurements.shape[1]
         tick = each // walk.measurements.shape[1]
@@ -436,20 +484,8 @@ def walk_branches(
         count, shares = _extend(branches, track, children, walk.ends[tick], number, model)
         weights = np.empty(count)
         for group in range((count + LANES - 1) // LANES):
+            _advance(children, group, memory, model)
             kalman = children.filters[0, group]
-            for lane in range(0, LANES, lanes):
-                history = children.histories[0, group * LANES + lane]
-                # With signed numbers the loop over lanes is no SIMD code.
-                step_motion(
-                    kalman,
-                    innovations[0],
-                    np.uint64(lane),
-                    np.uint64(lane + lanes),
-                    model.motions[history.mode],
-                    measured[0],
-                    model.sensors,
-                    model.filters,
-                )
             for c in range(group * LANES, min(count, (group + 1) * LANES)):
                 weights[c] = -kalman.log_likelihood[c % LANES]
         if model.joined:

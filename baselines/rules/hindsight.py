@@ -100,8 +100,8 @@ def smooth_modes(
             measurement; None if nothing is known.
         switches: ticks at which the mode may change, to any mode with the same probability; None
             if they are not known.
-        branches: largest number of segments that are followed at a tick; None is that of
-            `BeamDecider`, in short recordings up to 4,096, whose histories are then told apart by
+        branches: largest number of segments that are followed at a tick; None is 8 for each mode,
+            at least 64, in short recordings up to 4,096, whose histories are then told apart by
             four segments.
         process_share: share of the process noise by which modes are decided. Below 1 if it also
             covers motion that no mode has, such as brakes, and so hides where a turn begins.
@@ -232,6 +232,8 @@ def beam_of(
     `smooth_modes`.
     """
     process_variance = process_share * options.process_variance
+    if branches is None:
+        branches = max(64, 8 * options.hypotheses)
     decider = BeamDecider(replace(options, process_variance=process_variance), branches=branches)
     filters = decider.model.filters._replace(freedom=_freedom(options))
     return decider.branches, decider.model._replace(filters=filters)

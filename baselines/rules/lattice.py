@@ -32,10 +32,11 @@ from baselines.rules.beam_filters import (
     groups_of,
     hazard_at,
     walk_branches,
+    walk_memory,
 )
 from baselines.rules.measurements import estimate_in
 from hybrid_env.checks import AnyArray, Float32Array, FloatArray, IntArray
-from hybrid_env.compiled import INNOVATION, MEASURED, aligned_zeros, compiled, run_compiled
+from hybrid_env.compiled import compiled, run_compiled
 
 
 class Lattice(NamedTuple):
@@ -99,8 +100,7 @@ class LatticeWalk:
         self.model = model
         self.branches = branch_arrays(1, max(branches, modes * len(starts)))
         capacity = self.branches.histories.shape[1]
-        children = branch_arrays(1, modes + (2 if model.depth else 1) * capacity)
-        self.memory = children, aligned_zeros((1,), INNOVATION), aligned_zeros((1,), MEASURED)
+        self.memory = walk_memory(self.branches, model)
         self.log_probability = np.zeros((1, modes))
         self.ticks = 0
         self.most = groups_of(capacity, model)
@@ -125,7 +125,7 @@ class LatticeWalk:
         """
         weights[:] = 0.0
         walk = Walk(measurements[:, None], ends, self.ticks, nodes, groups, weights)
-        arguments = *self.memory, walk, self.log_probability, self.model
+        arguments = self.memory, walk, self.log_probability, self.model
         run_compiled(walk_branches, self.branches, *arguments)
         self.ticks += len(measurements)
 
@@ -220,7 +220,18 @@ def _smooth(
             probabilities[k, mode] = max(now[mode], 0.0) / total
         if k == 0:
             break
-        shares = np.empty(offsets[k] - offsets[k - 1])
+        # Probability of each node and its end.
+        endings = np.zeros(offsets[k] - offsets[k - 1])
+        parents = np.zeros(endings.size, np.int64)
+        for j in range(endings.size):
+            weight = weights[offsets[k - 1] + j]
+            if weight > 0.0:
+                segment = nodes[offsets[k - 1] + j] // most
+                parents[j] = segment % modes
+                age = 1 - segment // modes
+                row = FIRST if age == first + k else LATER
+                endings[j] = weight * hazard_at(row, parents[j], age, ends[k], model)
+        shares = np.empty(endings.size)
         for kind in range(kinds):
             begun = alive[k * kinds + kind]
             if begun == 0.0:
@@ -229,15 +240,8 @@ def _smooth(
             total = 0.0
             for j in range(shares.size):
                 shares[j] = 0.0
-                weight = weights[offsets[k - 1] + j]
-                if weight == 0.0 or groups[offsets[k - 1] + j] != kind % most:
-                    continue
-                segment = nodes[offsets[k - 1] + j] // most
-                parent = segment % modes
-                age = 1 - segment // modes
-                row = FIRST if age == first + k else LATER
-                hazard = hazard_at(row, parent, age, ends[k], model)
-                shares[j] = weight * hazard * model.order[parent, mode]
+                if groups[offsets[k - 1] + j] == kind % most:
+                    shares[j] = endings[j] * model.order[parents[j], mode]
                 total += shares[j]
             if total == 0.0:
                 # Its parents were too improbable to be kept: it follows those that were.
