@@ -145,7 +145,7 @@ class PieceSmoother:
         self.memory.states[0], self.memory.covariances[0] = state, covariance
 
     def smooth(
-        self, pieces: IntArray, gradual: IntArray | None = None, rounds: int = 3
+        self, pieces: IntArray, gradual: IntArray | None = None, rounds: int = 2
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return estimates (T, 4) [x, vx, y, vy], covariances (T, 4, 4) and turns (T, 4), see
         `turns.TurnEstimate`.
