@@ -309,6 +309,10 @@ def report_lines(tracked: TrackedRecording) -> list[str]:
             grid.moved > 0.01
         ),
     }
+    if tracked.wind.any():
+        vx, vy = tracked.wind
+        drifts = f"circles drift by ({vx:.3g}, {vy:.3g}) {unit}/{time}, as in a wind or a current:"
+        remarks[f"{drifts} radii and speeds are those without it"] = True
     lines = ["; ".join(parts), *(text for text, true in remarks.items() if true)]
     return [*lines, *map("warning: {}".format, tracked.warnings)]
 

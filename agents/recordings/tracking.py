@@ -4,7 +4,7 @@ afterwards, row by row.
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +18,7 @@ from baselines.recordings.scatter import without_errors, without_standing
 from baselines.recordings.ticks import Piece, TickGrid, tick_grid
 from baselines.recordings.track_modes import letter, names_of_modes
 from baselines.recordings.tracker import OnlineTracker
+from baselines.recordings.wind import circles_of, find_wind
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, Decider, rules
 from hybrid_env.checks import (
     AnyArray,
@@ -50,6 +51,8 @@ class TrackedRecording:
     Attributes:
         recording: as it was read.
         model: noise, radii and durations that the filters assume, and which of them were estimated.
+        wind: (2,) velocity of the medium, a wind or a current; 0 without a sign of one. Speeds and
+            radii are those in the medium, estimates those over ground.
         decider: of a live sensor with this model: its name, with its threshold.
         modes: (n,) in `model.all_modes`: by default 0 straight, 1 .. left turns and then right
             turns, in the order of `model.radii`, and the stop if the object stands in a part.
@@ -79,6 +82,7 @@ class TrackedRecording:
 
     recording: Recording
     model: TrackModel
+    wind: FloatArray
     decider: str
     modes: IntArray
     decided: BoolArray
@@ -188,6 +192,7 @@ class TrackedRecording:
             "unit": recording.unit,
             "time_unit": recording.time_unit,
             "epoch": recording.epoch,
+            "wind": self.wind.tolist(),
             "projection": None if recording.projection is None else asdict(recording.projection),
             "radar": radar,
             "tick": float(model.tau),
@@ -231,6 +236,19 @@ def _unless(empty: BoolArray, values: AnyArray) -> AnyArray:
     cells = values.astype(object)
     cells[empty] = ""
     return cells
+
+
+class _Decided(NamedTuple):
+    """Rows of a recording that are decided, and with what."""
+
+    # Of the rows, from the ground and from the medium.
+    grid: TickGrid
+    seen: TickGrid
+    model: TrackModel
+    # See `TrackedRecording`.
+    standing: int
+    tracker: OnlineTracker
+    decisions: list[RowDecisions]
 
 
 @dataclass(kw_only=True)
@@ -294,32 +312,18 @@ class TrackingArguments(ErrorArguments):
             variance = self.measurement_variance
             raise reject("measurement_variance", variance, "none with radar, which has its own")
         grid, outliers = without_errors(tick_grid(recording), jumps=not self.lengths)
-        modes = parse_modes(self.modes) or ()
-        nothing = grid, 0, 0.0
-        moving, standing, longest = nothing if self.lengths or modes else without_standing(grid)
+        # Without known switches, a wind is looked for in what hindsight decides.
+        searched = not self.lengths and grid.radar is None
+        found = self._decided(recording, grid, np.zeros(2), self.live and not searched)
+        if searched:
+            times = [piece.times(recording.times) for piece in found.grid.pieces]
+            circles = circles_of(found.grid, times, found.decisions, found.model.all_modes)
+            wind = find_wind(circles)
+            if self.live or wind.any():
+                found = self._decided(recording, grid, wind, self.live)
         lengths = self._lengths(grid)
-        duration = None if self.durations is None else parse_durations(self.durations).mean_duration
-        variances = self.measurement_variance, self.process_variance
-        given = self.radii or None, *variances, duration, lengths, modes
-        model = fit_model(moving, *given)
-        stops = with_stop(grid, model, fit_model(grid, *given), longest) if standing else model
-        check_radii(stops)
-        # A live rule is told of switches; hindsight has one model of both.
-        of_rule = lengths if self.live else []
-        try:
-            tracker = self._tracker(of_rule, grid, stops)
-            model, standing = stops, 0
-        except ArgumentError:
-            if modes or not stops.modes:
-                raise
-            # The decider may know only straight motion and turns.
-            grid = moving
-            tracker = self._tracker(of_rule, grid, model)
-        start = None if self.initial_state is None else np.array(self.initial_state)
-        decide = decide_piece if self.live else smooth_piece
-        decisions = [decide(recording, piece, tracker, lengths, start) for piece in grid.pieces]
-        innovations, warnings = check_consistency(grid, model, lengths)
-        unlikely = 0 if lengths or not self.live else sum(map(unlikely_rows, decisions))
+        innovations, warnings = check_consistency(found.seen, found.model, lengths)
+        unlikely = 0 if lengths or not self.live else sum(map(unlikely_rows, found.decisions))
         if unlikely:
             warnings.append(
                 f"the stated mode is improbable for long, in {unlikely} rows: the threshold of"
@@ -327,17 +331,50 @@ class TrackingArguments(ErrorArguments):
             )
         return TrackedRecording(
             recording=recording,
-            model=model,
-            decider=self._named(tracker.decider),
-            grid=grid,
+            model=found.model,
+            wind=found.tracker.units.origin[1::2],
+            decider=self._named(found.tracker.decider),
+            grid=found.grid,
             outliers=outliers,
-            standing=standing,
+            standing=found.standing,
             warnings=warnings,
             durations=self.durations,
             known_switches=bool(lengths),
             live=self.live,
-            **row_results(recording, grid.pieces, decisions, innovations),
+            **row_results(recording, found.grid.pieces, found.decisions, innovations),
         )
+
+    def _decided(
+        self, recording: Recording, grid: TickGrid, wind: FloatArray, live: bool
+    ) -> _Decided:
+        """Find the model of a recording in a medium with a velocity (2,), and decide its rows."""
+        modes = parse_modes(self.modes) or ()
+        lengths = self._lengths(grid)
+        seen = grid.moving(recording.times, wind) if wind.any() else grid
+        nothing = seen, 0, 0.0
+        moving, standing, longest = nothing if self.lengths or modes else without_standing(seen)
+        duration = None if self.durations is None else parse_durations(self.durations).mean_duration
+        variances = self.measurement_variance, self.process_variance
+        given = self.radii or None, *variances, duration, lengths, modes
+        model = fit_model(moving, *given)
+        stops = with_stop(seen, model, fit_model(seen, *given), longest) if standing else model
+        check_radii(stops)
+        # A live rule is told of switches; hindsight has one model of both.
+        of_rule = lengths if live else []
+        try:
+            tracker = self._tracker(of_rule, grid, stops, wind)
+            model, standing = stops, 0
+        except ArgumentError:
+            if modes or not stops.modes:
+                raise
+            # The decider may know only straight motion and turns.
+            seen = moving
+            grid = seen.moving(recording.times, -wind) if wind.any() else seen
+            tracker = self._tracker(of_rule, grid, model, wind)
+        start = None if self.initial_state is None else np.array(self.initial_state)
+        decide = decide_piece if live else smooth_piece
+        decisions = [decide(recording, piece, tracker, lengths, start) for piece in grid.pieces]
+        return _Decided(grid, seen, model, standing, tracker, decisions)
 
     def _decider_name(self) -> str:
         announced = self.live and self.lengths
@@ -364,7 +401,9 @@ class TrackingArguments(ErrorArguments):
             raise reject("lengths", tuple(lengths), allowed)
         return lengths
 
-    def _tracker(self, lengths: list[int], grid: TickGrid, model: TrackModel) -> OnlineTracker:
+    def _tracker(
+        self, lengths: list[int], grid: TickGrid, model: TrackModel, wind: FloatArray
+    ) -> OnlineTracker:
         """Return a tracker with the model and the decider."""
         name = self._decider_name()
         options = model.options(grid.radar)
@@ -385,9 +424,8 @@ class TrackingArguments(ErrorArguments):
                 raise ArgumentError(model.cause() or f"the filters: {error}") from None
             raise
         x, y = (0.0, 0.0) if grid.radar is None else grid.radar.position
-        return OnlineTracker(
-            world, load_decider(name, world), scales=model.scales, origin=(x, 0.0, y, 0.0)
-        )
+        origin = x, float(wind[0]), y, float(wind[1])
+        return OnlineTracker(world, load_decider(name, world), scales=model.scales, origin=origin)
 
 
 def track_recording(

@@ -58,7 +58,8 @@ def smooth_piece(
     """
     options: Any = tracker.options
     units = tracker.units
-    values = (piece.measurements - units.origin[::2]) * units.scales[0]
+    times = piece.times(recording.times)
+    values = (piece.measurements - units.origin_at(times)[:, ::2]) * units.scales[0]
     for sensor in options.sensors:
         noises = np.tile([1.0, 0.0, 1.0], (len(values), 1))
         seen = [sensor.noise(x, y) for x, y in values[piece.measured].tolist()]
@@ -66,11 +67,14 @@ def smooth_piece(
         rates = np.full((len(values), MOST_RATES), np.nan)
         rates[:, 0] = piece.rates * units.scales[1]
         values = np.hstack([values, noises, rates])
-    known = None if start is None else units.start(start, np.zeros((4, 4)))
+    known = None
+    if start is not None:
+        known = units.start(start, np.zeros((4, 4)), times[0] - units.second * options.tau)
     switches = np.cumsum([0, *lengths[:-1]]).tolist() if lengths else None
     result = smooth_modes(values, options, known, switches, process_share=PROCESS_SHARE)
     ticks = piece.ticks
-    estimates, covariances = units.moments(result.estimates[ticks], result.covariances[ticks])
+    moments = result.estimates[ticks], result.covariances[ticks]
+    estimates, covariances = units.moments(*moments, times[ticks])
     estimates[:, ::2] += piece.late[:, None] * estimates[:, 1::2]
     borders = np.searchsorted(ticks, np.append(result.pieces[:, 0], len(values)))
     pieces = np.stack([borders[:-1], borders[1:], result.pieces[:, 2]], axis=1)
@@ -101,6 +105,8 @@ def decide_piece(
     the first measurement, None starts from the first measurements.
     """
     options: Any = tracker.options
+    times = recording.times[piece.first : piece.end].tolist()
+    tracker.time = times[0] - tracker.tau
     tracker.begin(start, None if start is None else np.zeros((4, 4)))
     total = piece.end - piece.first
     modes = np.zeros(total, int)
@@ -124,10 +130,11 @@ def decide_piece(
             tracker.switch(length)
         point = None
         if used[row]:
-            point = tracker.units.position(positions[row])
+            point = tracker.units.position(positions[row], times[row])
             for sensor in options.sensors:
                 rate = float(tracker.units.scales[1] * piece.rates[tick])
                 point = Fused(point.position, sensor.noise(*point.position), (rate,))
+        tracker.time = times[row]
         now = tracker.advance(tick - before, point, float(piece.late[row]))
         before = tick
         begun[row] = tracker.begun

@@ -28,7 +28,8 @@ class SensorUnits:
     projection: "Projection | None"
     # (4,) of [x, vx, y, vy], from the units of the measurements to those of the options.
     scales: FloatArray
-    # (4,) [x, vx, y, vy] of the measurements where the options have 0.
+    # (4,) [x, vx, y, vy] of the measurements at time 0 where the options have 0; it moves on with
+    # its velocity.
     origin: FloatArray
 
     @cached_property
@@ -41,7 +42,13 @@ class SensorUnits:
         """Unit of time of the options in that of the measurements."""
         return float(self.scales[1] / self.scales[0])
 
-    def measured(self, measurement: Any) -> Fused | None:
+    def origin_at(self, time: Any) -> FloatArray:
+        """Return where the options have 0 at times (...), (..., 4)."""
+        return self.origin + np.multiply.outer(
+            time, self.origin[[1, 1, 3, 3]] * [1.0, 0.0, 1.0, 0.0]
+        )
+
+    def measured(self, measurement: Any, time: float) -> Fused | None:
         """Return a checked measurement in the units of the options, None if there is none."""
         if measurement is None or isinstance(measurement, Fused):
             return measurement
@@ -60,7 +67,7 @@ class SensorUnits:
         # A sum that is not too large is not NaN.
         if not abs(x) + abs(y) <= LARGEST_NUMBER:
             return None
-        return self.position((x, y))
+        return self.position((x, y), time)
 
     def _of_sensor(self, k: int, values: Any) -> Any:
         """Return what a sensor of the options measured in their units."""
@@ -73,27 +80,30 @@ class SensorUnits:
         given = check_array(f"measurement[{k}]", values, (sensor.values,))
         return given * units[: sensor.values]
 
-    def position(self, position: Sequence[float]) -> Fused:
-        """Return a measured position (x, y) in the units of the options."""
+    def position(self, position: Sequence[float], time: float) -> Fused:
+        """Return a position (x, y) that was measured at a time in the units of the options."""
         x, y = position
         if self.same:
             return Fused((x, y))
         length = float(self.scales[0])
-        return Fused((length * (x - float(self.origin[0])), length * (y - float(self.origin[2]))))
+        x0, _, y0, _ = self.origin_at(time).tolist()
+        return Fused((length * (x - x0), length * (y - y0)))
 
-    def start(self, estimate: FloatArray, covariance: FloatArray) -> Moments:
-        """Return an estimate (4,) and its covariance (4, 4) in the units of the options."""
+    def start(self, estimate: FloatArray, covariance: FloatArray, time: float) -> Moments:
+        """Return an estimate (4,) at a time and its covariance (4, 4) in the units of the
+        options.
+        """
         squares = np.outer(self.scales, self.scales)
-        return (estimate - self.origin) * self.scales, covariance * squares
+        return (estimate - self.origin_at(time)) * self.scales, covariance * squares
 
-    def moments(self, estimates: FloatArray, covariances: FloatArray) -> Moments:
-        """Return estimates (..., 4) and covariances (..., 4, 4) in the units of the
+    def moments(self, estimates: FloatArray, covariances: FloatArray, time: Any) -> Moments:
+        """Return estimates (..., 4) at times (...) and covariances (..., 4, 4) in the units of the
         measurements.
         """
         if self.same:
             return estimates, covariances
         squares = np.outer(self.scales, self.scales)
-        return estimates / self.scales + self.origin, covariances / squares
+        return estimates / self.scales + self.origin_at(time), covariances / squares
 
     def turn(self, turn: TurnEstimate) -> TurnEstimate:
         """Return a turn in the units of the measurements."""

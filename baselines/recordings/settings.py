@@ -59,6 +59,8 @@ class TrackerSettings(Checked):
     known_switches: bool
     projection: Projection | None
     radar: Radar | None
+    # Velocity of the medium.
+    wind: tuple[float, float]
     modes: Annotated[tuple[Mode, ...], _modes]
 
     def __post_init__(self) -> None:
@@ -87,9 +89,9 @@ class TrackerSettings(Checked):
 
     @property
     def origin(self) -> tuple[float, float, float, float]:
-        """[x, vx, y, vy] where the options have 0."""
+        """[x, vx, y, vy] at time 0 where the options have 0."""
         x, y = (0.0, 0.0) if self.radar is None else self.radar.position
-        return x, 0.0, y, 0.0
+        return x, self.wind[0], y, self.wind[1]
 
     def rule(self) -> Decider:
         """Return the decider of the recording; `ArgumentError` for one that is no rule."""

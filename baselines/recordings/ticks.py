@@ -48,6 +48,12 @@ class Piece(NamedTuple):
         values[ticks] = np.nan
         return self._replace(measurements=values)
 
+    def times(self, times: FloatArray) -> FloatArray:
+        """Return the times (T,) of the ticks, NaN without a row, from those of the recording."""
+        of_ticks = np.full(len(self.measurements), np.nan)
+        of_ticks[self.ticks] = times[self.first : self.end] - self.late
+        return of_ticks
+
     def split(self, borders: list[int]) -> "list[Piece]":
         """Return the pieces that begin at some ticks, of which the first is 0."""
         parts = []
@@ -88,6 +94,19 @@ class TickGrid(NamedTuple):
     def measured(self) -> int:
         """Number of ticks with a measurement."""
         return sum(int(piece.measured.sum()) for piece in self.pieces)
+
+    def moving(self, times: FloatArray, velocity: FloatArray) -> "TickGrid":
+        """Return the grid as seen from what moves with a velocity (2,), and was at 0 at time 0.
+
+        Args:
+            times: (n,) of the recording.
+            velocity: see above.
+        """
+        pieces = [
+            piece._replace(measurements=piece.measurements - velocity * piece.times(times)[:, None])
+            for piece in self.pieces
+        ]
+        return self._replace(pieces=tuple(pieces))
 
 
 def tick_grid(recording: Recording) -> TickGrid:

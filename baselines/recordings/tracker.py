@@ -89,7 +89,8 @@ class OnlineTracker(OwnState):
         projection: measurements are latitudes and longitudes [deg], which it projects to metres.
         scales: (4,) of [x, vx, y, vy] from the units of the measurements to those of the options;
             None if they are the same.
-        origin: (4,) [x, vx, y, vy] of the measurements where the options have 0.
+        origin: (4,) [x, vx, y, vy] of the measurements where the options have 0, at time 0; it
+            moves on with its velocity, as the air in a wind.
         lag: number of ticks after which a tick is decided again, from the measurements since; see
             `OnlineEstimate.settled`. None does not; only with unknown switches.
 
@@ -144,6 +145,8 @@ class OnlineTracker(OwnState):
         self._noise = unit_noise(options)
         self._ask = CheckedDecider(self.decider, self.options.action_count)
         self._longest = options.longest_segment
+        # Of the last measurement; without times it is counted from 0.
+        self.time = 0.0
         # What was measured first, and when; whether the clock was set back; number of the last
         # measurements that were far apart in time.
         self._first: tuple[Fused | None, float] | None = None
@@ -216,12 +219,12 @@ class OnlineTracker(OwnState):
         if estimate is not None:
             start = check_array("estimate", estimate, (4,))
             if covariance is None:
-                start, _ = self.units.start(start, np.zeros((4, 4)))
+                start, _ = self.units.start(start, np.zeros((4, 4)), self.time)
                 matrix = np.diag(self.options.start_variances)
             else:
                 matrix = check_array("covariance", covariance, (4, 4))
                 matrix = check_covariance("covariance", matrix, definite=False)
-                start, matrix = self.units.start(start, matrix)
+                start, matrix = self.units.start(start, matrix, self.time)
             self.track.begin(start, matrix, known)
         else:
             # A bank that runs on knows how inaccurate its estimate is, and corrects it. For one
@@ -271,11 +274,12 @@ class OnlineTracker(OwnState):
             ArgumentError: measurement or time have another form, or the measurement is missing and
                 the decider cannot do without it.
         """
-        point = self.units.measured(measurement)
+        moment = self.time + self.tau if time is None else number_of(time)
+        point = self.units.measured(measurement, moment)
         if time is None:
+            self.time = moment
             self.state.clock.tick()
             return self.advance(1, point)
-        moment = number_of(time)
         if not math.isfinite(moment):
             return self._known("dropped")
         last = self.state.time
@@ -293,7 +297,7 @@ class OnlineTracker(OwnState):
         if not self.track.announced:
             self._remember(point, time)
         self._first = self._first or (point, time)
-        self.state.time = time
+        self.time = self.state.time = time
         ticks, late = self.state.clock.advance(time)
         if ticks == 0:
             return self._known("dropped")
@@ -413,7 +417,8 @@ class OnlineTracker(OwnState):
             return np.full((len(times), 2), np.nan), np.full((len(times), 2, 2), np.nan)
         means, covariances = self.track.forecast(times.clip(0.0), stated)
         length = self.units.scales[0]
-        return means / length + self.units.origin[::2], covariances / length**2
+        origin = self.units.origin_at(self.time + np.asarray(seconds, float))
+        return means / length + origin[:, ::2], covariances / length**2
 
     @property
     def mode_names(self) -> list[str]:
@@ -479,9 +484,15 @@ class OnlineTracker(OwnState):
             state.smoother = FixedLagSmoother(*arguments, PROCESS_SHARE)
         settled = state.smoother.step(row)
         if settled is not None and not self.units.same:
-            moments = self.units.moments(settled.estimate, settled.covariance)
+            moments = settled.estimate, settled.covariance
+            moments = self.units.moments(*moments, self._settled_time)
             settled = settled._replace(estimate=moments[0], covariance=moments[1])
         state.settled = settled
+
+    @property
+    def _settled_time(self) -> float:
+        """Time of the tick `lag` ticks ago."""
+        return self.time - self._late * self.units.second - (self.lag or 0) * self.tau
 
     def _decide(self, may_ask: bool) -> None:
         """Ask the decider, if it may be asked or is at every tick, and apply what counts."""
@@ -609,11 +620,10 @@ class OnlineTracker(OwnState):
         if self._late:
             estimate[::2] += self._late * estimate[1::2]
         units = self.units
-        estimate, covariance = units.moments(estimate, covariance)
+        estimate, covariance = units.moments(estimate, covariance, self.time)
         settled = state.settled
-        if settled is not None and self.lag is not None and state.time is not None:
-            ago = self._late * units.second + self.lag * self.tau
-            settled = settled._replace(time=state.time - ago)
+        if settled is not None and state.time is not None:
+            settled = settled._replace(time=self._settled_time)
         return OnlineEstimate(
             mode,
             decided,
@@ -632,7 +642,8 @@ class OnlineTracker(OwnState):
         """
         options = self.options
         track = self.track
-        start, _ = self.units.moments(np.array([0.0, options.speed, 0.0, 0.0]), np.zeros((4, 4)))
+        start = np.array([0.0, options.speed, 0.0, 0.0])
+        start, _ = self.units.moments(start, np.zeros((4, 4)), self.time)
         self.begin(start)
         track.begin_segment(self._longest)
         track.measure((options.speed * options.tau, 0.0))

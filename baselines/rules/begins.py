@@ -164,8 +164,7 @@ def find_brakes(
             fast = np.flatnonzero((speed > 0.9 * usual) | (speed + 2.0 * deviation > usual))
             last = begin + max(fast[-1] + 1, 3)
             begins[k] = min(last, begins[k])
-            if last <= end:
-                kept[j + 1 : k] = False
+            kept[j + 1 : k] &= pieces[j + 1 : k, 0] < begins[k]
             if last < end or end - begin > short:
                 break
     return begins, kept

@@ -52,7 +52,7 @@ class Lattice(NamedTuple):
     offsets: IntArray
     # (n,)
     nodes: AnyArray
-    # (n,) to which they belong when the next nodes begin.
+    # (n,) to which they belong when the next nodes begin; empty if there is one group.
     groups: AnyArray
     # (n,) probabilities; 0 of what is no node.
     weights: Float32Array
@@ -163,8 +163,10 @@ def walk_lattice(
         walk.extend(measurements[part], ends[part], *arrays)
         probable = arrays[-1] > 0.0
         offsets[1:][part] = kept[0].size + probable.sum((1, 2)).cumsum()
+        if walk.most == 1:
+            arrays[1] = arrays[1][:0]
         for array, values in zip(kept, arrays, strict=True):
-            more = values[probable]
+            more = values[probable[: len(values)]]
             # In place, because those of a long recording are larger than all else.
             array.resize(array.size + more.size, refcheck=False)
             array[array.size - more.size :] = more
@@ -240,7 +242,7 @@ def _smooth(
             total = 0.0
             for j in range(shares.size):
                 shares[j] = 0.0
-                if groups[offsets[k - 1] + j] == kind % most:
+                if most == 1 or groups[offsets[k - 1] + j] == kind % most:
                     shares[j] = endings[j] * model.order[parents[j], mode]
                 total += shares[j]
             if total == 0.0:

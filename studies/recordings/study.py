@@ -120,7 +120,9 @@ def settle(recording: SimulatedRecording, tracked: Any, lag: int) -> tuple[Any, 
     settled = []
     for tick in range(ticks[-1] + 1 + lag):
         row = rows.get(tick)
-        point = None if row is None else tracker.units.measured(recording.positions[row])
+        point = (
+            None if row is None else tracker.units.measured(recording.positions[row], times[row])
+        )
         now = tracker.advance(1, point, 0.0 if row is None else float(late[row]))
         if now.settled is not None:
             settled.append((now.settled.mode, now.settled.estimate))

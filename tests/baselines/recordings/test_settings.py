@@ -13,6 +13,7 @@ SETTINGS = {
     "object": "a",
     "projection": {"latitude": 50.0, "longitude": 10.0},
     "radar": None,
+    "wind": [0.0, 0.0],
     "tick": 0.5,
     "gap": 10.0,
     "measurement_variance": 0.01,

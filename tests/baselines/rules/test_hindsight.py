@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from baselines import smooth_modes
+from baselines.rules.begins import find_brakes
 from baselines.rules.hindsight import choose_modes
 from hybrid_env import QuickestOptions, simulate
 from hybrid_env.checks import ArgumentError
@@ -142,3 +143,13 @@ def test_covariances_without_a_sensor_to_read_them_are_refused():
     values[:, :5] = [0.0, 0.0, 1.0, 0.0, 1.0]
     with pytest.raises(ArgumentError, match="measurements"):
         smooth_modes(values, OPTIONS)
+
+
+def test_a_stop_that_begins_early_leaves_no_piece_that_begins_after_it():
+    pieces = np.array([[0, 10, 0], [10, 20, 1], [20, 30, 0], [30, 40, 2]])
+    # As fast as usual in the first piece up to tick 12, in the second up to 22, then up to 29.
+    speeds = np.repeat([10.0, 6.0, 4.0, 0.0], [13, 10, 7, 10])
+    stands = np.array([False, False, True])
+    of_both = np.stack([speeds, np.full(40, 0.01)], axis=1)
+    begins, kept = find_brakes(pieces, stands, of_both, short=100.0)
+    assert begins[kept].tolist() == [0, 10, 13]
