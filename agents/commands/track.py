@@ -142,9 +142,13 @@ class Track(TrackingArguments, TrustArguments):
         if not self.overwrite and folder.is_dir() and any(folder.iterdir()):
             raise reject("out", str(folder), "a new or empty folder, or --overwrite")
         # Pandas; other commands start faster.
+        import pyarrow as pa
+
         from baselines.recordings.reading.read import read_recordings
 
         file = read_recordings(path, **self.reading_options())
+        # The texts of a large file, which are numbers now, take a tenth of what its rows need.
+        pa.default_memory_pool().release_unused()
         for name in ("geojson", "gpx"):
             if getattr(self, name) and file.recordings[0].projection is None:
                 raise ArgumentError(f"{path}: --{name} needs latitude and longitude, not x and y")
