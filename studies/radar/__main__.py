@@ -10,7 +10,6 @@ import tyro
 from agents import run_command
 from hybrid_env import ArgumentError
 from studies.papers.published import to_markdown
-from studies.radar.conversion import conversion_errors, conversion_table
 from studies.radar.dataset import load_radar_data, write_radar_data
 from studies.radar.flights import FLIGHTS
 from studies.radar.scores import radar_figure, radar_json, radar_tables, score_radar_data
@@ -21,17 +20,13 @@ from studies.results import save_results
 
 @dataclass(kw_only=True)
 class Radar:
-    """Write the radar data set, score filters on it, reproduce the tables of the thesis, or check
-    the conversion of ranges and bearings.
-    """
+    """Write the radar data set, score filters on it, or reproduce the tables of the thesis."""
 
-    part: Annotated[Literal["data", "scores", "thesis", "conversion"], tyro.conf.Positional] = (
-        "data"
-    )
+    part: Annotated[Literal["data", "scores", "thesis"], tyro.conf.Positional] = "data"
     """'data' writes the data set. 'scores' tunes and scores the filters of the thesis and better
     ones on it, about ten minutes of one core; a data set in the folder is read. 'thesis' is
     Novospaskyi 2025, tables 3.1 to 3.6, some minutes. A killed run of these two goes on where it
-    was. 'conversion' is the consistency of filters that read ranges and bearings, some minutes.
+    was.
     """
     out: Path = Path("radar")
     """Output folder."""
@@ -48,10 +43,6 @@ class Radar:
         """Do the part, print its tables and write its files."""
         self.out.mkdir(parents=True, exist_ok=True)
         flights, trials = (40, 2) if self.quick else (FLIGHTS, TRIALS)
-        if self.part == "conversion":
-            squares = conversion_errors(20 if self.quick else 1000, self.seed)
-            save_results(self.out / "conversion", conversion_table(squares), squares)
-            return
         if self.part == "thesis":
             result = reproduce(
                 1 if self.quick else self.runs,
