@@ -1,19 +1,25 @@
-"""The exact posteriors beside literal sums and particles, and the bound beside all statements."""
+"""The exact posteriors beside literal sums and particles, and hindsight beside them."""
 
 import itertools
-import json
 
 import numpy as np
-import pandas as pd
 import pytest
 from scipy.stats import multivariate_normal
 
 from baselines import rollout, smooth_modes
 from hybrid_env import HybridTrackQuickestVectorEnv, QuickestOptions, simulate
 from studies.optimum.enumeration import history_posteriors, path_posteriors
-from studies.optimum.study import KNOWN_START, WORLDS, bound_scores
 
-PATHS = WORLDS["paths"].options | KNOWN_START | {"measurement_variance": 0.1}
+PATHS = {
+    "ticks": 12,
+    "tau": 0.5,
+    "durations": "geometric 6",
+    "start": "random",
+    "process_variance": 0.0,
+    "initial_error": 0.0,
+    "heading": 0.0,
+    "measurement_variance": 0.1,
+}
 
 
 def path_of(modes, tau):
@@ -96,35 +102,6 @@ def simulated(options, tracks, seed):
         if len(modes) == options.ticks:
             break
     return np.array(positions), np.array(modes)
-
-
-def test_the_bound_is_the_best_of_all_statements():
-    right = np.random.default_rng(5).dirichlet(np.ones(3), (5, 1))
-    rewards = []
-    for stated in itertools.product(range(3), repeat=5):
-        each = [right[tick, 0, mode] for tick, mode in enumerate(stated)]
-        changed = np.diff(stated, prepend=stated[0]) != 0
-        rewards.append(np.mean(np.array(each) - 0.7 * changed * (1.0 - np.array(each))))
-
-    assert bound_scores(np.log(right), 0.7).values[0, 0, 0] == pytest.approx(max(rewards))
-
-
-def test_the_quick_form_writes_its_files(tmp_path, run_study):
-    printed = run_study("optimum", "--quick", "--out", str(tmp_path))
-    rows = pd.DataFrame(json.loads((tmp_path / "optimum.json").read_text()))
-    assert (tmp_path / "optimum.md").read_text() in printed
-    assert (tmp_path / "optimum.png").exists()
-    values = rows.assign(value=[value["value"] for value in rows.value])
-    figures = values.pivot(index="figure", columns="decider", values="value").T
-
-    # The expected reward of no decider is larger.
-    free, costly = figures["reward, cost 0"].dropna(), figures["reward, cost 5"]
-    assert free.idxmax() == "exact posterior"
-    assert costly.idxmax() == "upper bound"
-    assert costly.drop("upper bound").le(free).all()
-    counted = figures.at["exact posterior", "right ticks, counted"]
-    assert counted == pytest.approx(free["exact posterior"], abs=0.1)
-    assert figures["divergence"].dropna().between(0.0, 1.0).all()
 
 
 def five_modes(options, points, smoothed=False):
