@@ -16,7 +16,6 @@ FEWEST = 20
 # Reason of rows that may be of another object.
 ELSEWHERE = "repeated times at other places"
 STALE = "positions that a stale source repeats"
-HARMLESS = "blank lines", "headers and comments", STALE
 SET_BACK = "times that the clock was set back, where a new piece begins"
 
 
@@ -213,4 +212,5 @@ def remarks(table: Table) -> list[str]:
 
 def lost(table: Table) -> int:
     """Return the number of rows left out that should have been measurements."""
-    return sum(len(lines) for reason, lines in table.left_out.items() if reason not in HARMLESS)
+    harmless = "blank lines", "headers and comments", STALE
+    return sum(len(lines) for reason, lines in table.left_out.items() if reason not in harmless)

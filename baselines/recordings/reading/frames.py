@@ -9,13 +9,6 @@ from baselines.recordings.reading.names import FRAMES, plain_name, split_unit
 from baselines.recordings.reading.table import Table
 from hybrid_env.checks import FloatArray, reject
 
-# Of columns that are named by where they point.
-COMPASS = r"(?:.*_)?(?:e|n|\w*(?:east|north|nord)\w*|ost|utm_[xy]|rechtswert|hochwert)"
-# Only a log of PX4 has these beside vx, vy and z.
-AUTOPILOT = {"xy_valid", "xy_global", "ref_lat", "delta_heading", "dist_bottom", "z_deriv"}
-# Distances of the surface and of aircraft from the centre of the earth [m].
-EARTH = 6.3e6, 6.45e6
-
 
 def frame_of(
     table: Table, roles: dict[str, int], values: FloatArray, given: str | None, pixels: bool
@@ -35,7 +28,9 @@ def frame_of(
     if given == "ecef" and "z" not in roles:
         raise reject("frame", given, f"x, y and z: {table.file} has no z ({table.listed()})")
     name = split_unit(table.names[roles["x"]])[0]
-    if re.fullmatch(COMPASS, name):
+    # Of columns that are named by where they point.
+    compass = r"(?:.*_)?(?:e|n|\w*(?:east|north|nord)\w*|ost|utm_[xy]|rechtswert|hochwert)"
+    if re.fullmatch(compass, name):
         if given not in (None, "enu"):
             raise reject("frame", given, f"enu, as {table.file} has a column {name}")
         return "enu"
@@ -49,11 +44,14 @@ def frame_of(
     if len(places):
         height, distance = np.median(places[:, 2]), np.median(np.linalg.norm(places, axis=1))
     flown = {"vx", "vy", "z"} <= {name.rpartition("_")[2] for name in known}
-    if "ned" in words or (flown and (height < 0.0 or AUTOPILOT & known)):
+    # Only a log of PX4 has these beside vx, vy and z.
+    autopilot = {"xy_valid", "xy_global", "ref_lat", "delta_heading", "dist_bottom", "z_deriv"}
+    if "ned" in words or (flown and (height < 0.0 or autopilot & known)):
         return "ned"
     if pixels or words & {"pixel", "px", "image", "img"}:
         return "image"
-    if EARTH[0] < distance < EARTH[1]:
+    # Distances of the surface and of aircraft from the centre of the earth [m].
+    if 6.3e6 < distance < 6.45e6:
         return "ecef"
     return "enu" if "enu" in words else None
 

@@ -20,9 +20,6 @@ from baselines.recordings.scatter import noise_deviations
 from hybrid_env.checks import ArgumentError, BoolArray, FloatArray, IntArray, reject
 from hybrid_env.sensors import Radar
 
-# Of a sensor that had no position.
-WITHOUT_FIX = "false", "v", "no", "invalid", "void", "none", "no fix", "nofix", "n"
-
 
 class Places(NamedTuple):
     """Positions of all rows of a file."""
@@ -132,6 +129,8 @@ def _void_rows(table: Table) -> BoolArray:
     something else.
     """
     void = np.zeros(len(table.frame), np.bool_)
+    # Of a sensor that had no position.
+    without_fix = "false", "v", "no", "invalid", "void", "none", "no fix", "nofix", "n"
     for column, name in enumerate(table.names):
         role = role_of(name)
         if role not in VOID:
@@ -141,7 +140,7 @@ def _void_rows(table: Table) -> BoolArray:
         numbers = [] if "status" in name.lower() else ["0", "0.0"]
         # Of an autopilot, 2 and 3 are the dimensions of a fix.
         numbers += ["1"] * ("type" in name.lower())
-        without = cells.isin([*WITHOUT_FIX, *numbers]).to_numpy()
+        without = cells.isin([*without_fix, *numbers]).to_numpy()
         if role == "dilution":
             without = (pd.to_numeric(cells, errors="coerce") >= 50.0).to_numpy()
         void |= without & (without.mean() < 0.5)
