@@ -116,11 +116,6 @@ def test_long_names_of_columns_take_no_time(read, text):
     accepted(lambda: read(text + "\n" + ROWS))
 
 
-def test_steps_of_any_length_are_read(read):
-    times = 1e-310 * FRAME.t
-    np.testing.assert_array_equal(read(FRAME.assign(t=times)).recordings[0].times, times)
-
-
 def test_size_and_rows_are_bounded(read, tmp_path, monkeypatch):
     path = tmp_path / "large.csv"
     path.write_text("x,y\n")

@@ -214,6 +214,9 @@ CASES = {
     "primes": (degrees("{d}° {m}\u2032 {s}\u2033 {c}"), ""),
     "spaces": (degrees("{c}{d} {m} {s}"), ""),
     "colons": (degrees("{d}:{m}:{s}{c}"), ""),
+    "decimal commas": (place(*([f"{v:.9f}".replace(".", ",") for v in p] for p in (LAT, LON))), ""),
+    "letters in columns": (place(LAT, LON).assign(**{"N/S": "N", "E/W": "E"}), ""),
+    "letters": (place([f"{v:.9f}N" for v in LAT], [f"{v:.9f} E" for v in LON]), ""),
     "German": (place(LAT, LON, "Breite", "Länge"), ""),
     "Spanish": (place(LAT, LON, "Latitud", "Longitud"), ""),
     "Russian": (place(LAT, LON, "Широта", "Долгота"), ""),
@@ -338,7 +341,7 @@ CASES = {
     "NMEA": (sentences("RMC", "GGA"), NO_FIX),
     "NMEA without dates": (sentences("GGA"), SAID + "times of day"),
     "damaged NMEA": (sentences("RMC", wrong=(7,)), "sentences with a wrong checksum (1)"),
-    "AIS": (text(*[AIS] * 5), NOT + "decode them to CSV .* by pyais"),
+    "AIS": (text(*[AIS] * 5), NOT + "decode them to CSV, .* by pyais"),
     "FIT": (text(FIT, *["Data,0,record,timestamp,1,s"] * 5), NOT + "FitCSVTool: .*--data record"),
     "both in one column": (
         pd.DataFrame({"time": T, "Position": [f"{a}, {b}" for a, b in zip(LAT, LON, strict=True)]}),
