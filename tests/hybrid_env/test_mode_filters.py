@@ -122,7 +122,7 @@ def test_the_imm_bank_equals_the_literal_one_for_any_transition_matrix(options):
         agree(bank["log_likelihood"].T, [each.log_likelihood for each in literal], "likelihood")
         probability = [filters.probability for filters in literal]
         agree(np.exp(info["log_probability"]), probability, "probability")
-        agree(info["estimate"], [filters.estimate for filters in literal], "estimate")
+        agree(info["estimate"], [filters.estimate[:4] for filters in literal], "estimate")
         *_, info = env.step(np.zeros(LANES, np.int64))
 
 

@@ -12,16 +12,8 @@ from declared import refuse_beyond
 from hostile_input import refused
 from own_modes import Halt, every_mode
 from own_noise import run_page
-from scipy import special
 
-from hybrid_env import (
-    ArgumentError,
-    HybridTrackEnv,
-    HybridTrackVectorEnv,
-    QuickestOptions,
-    WorldOptions,
-    parse_scheme,
-)
+from hybrid_env import ArgumentError, HybridTrackEnv, QuickestOptions, WorldOptions, parse_scheme
 from hybrid_env.modes import Accelerate, LinearMode, Stop, Straight, Turn, TurnRate, parse_modes
 
 ENVS = {"announced": "HybridTrack-v0", "unknown": "HybridTrackQuickest-v0"}
@@ -239,43 +231,6 @@ def test_a_fixed_scheme_moves_and_stops_the_object():
     np.testing.assert_allclose(vx[80:], 2.0 + 0.05 * ticks)
     np.testing.assert_allclose(x[80:], 10.0 + 0.2 * ticks + 0.0025 * ticks**2)
     np.testing.assert_allclose([y, vy], 0.0, atol=1e-12)
-
-
-def test_types_are_those_of_the_modes():
-    env = HybridTrackVectorEnv(
-        60,
-        modes=TEXT,
-        tick_info=True,
-        correctness="type",
-        actions="types",
-        evidence=0.8,
-        bank="anchor_aware",
-    )
-    options = env.options
-    assert options.type_names == ("straight", "left", "right", "stop", "accelerate", "brake")
-    assert options.types.tolist() == [0, 1, 2, 3, 4, 5, 1]
-    assert env.single_action_space.n == 7
-    _, info = env.reset(seed=2)
-    generator = np.random.default_rng(3)
-    correct = decided = 0
-    for _ in range(300):
-        log_likelihood = info["log_likelihood"]
-        posterior = special.softmax(log_likelihood, axis=1) @ np.eye(6)[options.types]
-        mask = posterior.max(1) >= 0.8
-        np.testing.assert_array_equal(info["action_mask"][:, 1:], np.tile(mask[:, None], 6))
-        actions = np.where(generator.random(60) < 0.2, generator.integers(1, 7, 60), 0)
-        expected = np.where(options.types == actions[:, None] - 1, log_likelihood, -np.inf)
-        before = info
-        *_, info = env.step(actions)
-        declared = info.get("_ticks", np.zeros(60, bool)) & ~info.get("forced", np.zeros(60, bool))
-        assert (mask & (actions > 0))[declared].all()
-        mode = info["decided_mode"] if declared.any() else np.zeros(60, int)
-        np.testing.assert_array_equal(mode[declared], expected.argmax(1)[declared])
-        right = options.types[mode] == options.types[before["true_mode"]]
-        np.testing.assert_array_equal(info["correct"][declared], right[declared])
-        decided += declared.sum()
-        correct += right[declared].sum()
-    assert 0 < correct < decided
 
 
 @pytest.mark.parametrize(("kind", "env_id"), ENVS.items())

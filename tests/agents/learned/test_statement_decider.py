@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 import torch
 
-from agents.learned.statement_decider import PRIOR, StatementDecider, habit_inputs
+from agents.learned.statement_decider import StatementDecider, habit_inputs
 from agents.learned.statement_net import StatementNet, statement_inputs
 from baselines import ThresholdDecider, record_statements
 from baselines.rules.measurements import OBSERVED
 from hybrid_env import HybridTrackQuickestVectorEnv, QuickestLayout, QuickestOptions
-from studies.shifts.worlds import RHYTHMS
 
 HABITS = pytest.mark.parametrize("habits", [False, True])
 TRACKS = 8
@@ -127,19 +126,6 @@ def test_a_change_of_units_changes_no_statement(habits):
     assert (stated_again(random_decider(habits, other), scaled) != stated).sum() <= 1
 
 
-def test_an_episode_that_begins_is_not_remembered():
-    options = QuickestOptions()
-    decider = random_decider(False, options)
-    _, rows = statements_of(decider, options, ticks=40)
-    _, state = decider.predict(rows[30])
-    start = np.arange(TRACKS) % 2 == 0
-    fresh, _ = decider.predict(rows[5])
-    again, after = decider.predict(rows[5], state, start)
-
-    np.testing.assert_array_equal(again[start], fresh[start])
-    assert (after.age[start] == 1).all()
-
-
 def test_an_untrained_network_is_the_threshold_rule():
     # No utility of keeping the statement.
     margin = -float(np.log1p(np.exp(2.0)))
@@ -168,8 +154,3 @@ def test_inputs_of_habits_are_sums_over_the_histories_of_the_beam():
             of_mode = weights * (branches.histories["mode"][track, alive] == mode)
             age = of_mode @ branches.histories["age"][track, alive] / np.exp(logs[track, mode])
             assert inputs[track, mode, 4] == pytest.approx(np.log(max(age, 1.0)) / 5.0, abs=1e-5)
-
-
-def test_no_reported_rhythm_is_in_the_prior():
-    laws = {str(law) for law in PRIOR.laws}
-    assert not laws & {world.get("durations", "") for world in RHYTHMS.values()}
