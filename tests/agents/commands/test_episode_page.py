@@ -87,19 +87,6 @@ def test_the_page_shows_at_every_tick_what_a_rollout_has_there(tmp_path, env_id)
                 assert [row["right"][at - 1], row["delays"][at - 1]] == outcome
 
 
-def test_a_delay_of_statements_counts_until_the_first_right_one(tmp_path):
-    episode = data_of(written(tmp_path, STATED, ("threshold",)))
-    true, (row,) = episode["modes"], episode["deciders"]
-    waited, is_right = 0, False
-    for tick, (now, stated) in enumerate(zip(true, row["modes"], strict=True)):
-        if tick and now != true[tick - 1]:
-            waited, is_right = 0, False
-        is_right |= now == stated
-        waited += not is_right
-        assert row["delays"][tick] == waited
-    assert max(row["delays"]) > 0
-
-
 def test_several_deciders_need_a_page(tmp_path):
     with pytest.raises(ArgumentError, match=r"deciders=.*FILE\.html"):
         Play(deciders=("ate", "sprt"), out=tmp_path / "episode.png").run()

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from agents.learned.statement_decider import StatementDecider, habit_inputs
-from agents.learned.statement_net import StatementNet, statement_inputs
+from agents.learned.statement_net import StatementNet
 from baselines import ThresholdDecider, record_statements
 from baselines.rules.measurements import OBSERVED
 from hybrid_env import HybridTrackQuickestVectorEnv, QuickestLayout, QuickestOptions
@@ -49,34 +49,6 @@ def stated_again(decider, seen):
         actions, state = decider.predict(rows, state)
         stated.append(actions)
     return np.array(stated)
-
-
-@HABITS
-def test_one_tick_at_a_time_equals_all_at_once(habits):
-    options = QuickestOptions(ticks=80, radii=(2.0, 5.0), durations="drawn", transitions="drawn")
-    decider = random_decider(habits, options)
-    env = HybridTrackQuickestVectorEnv(TRACKS, **vars(options))
-    env.reset(seed=5)
-    state = decider.initial_state(TRACKS)
-    features = []
-    logs = []
-    for _ in range(80):
-        each, log_probability, state = decider.features(decider.observe(env.world), state, None)
-        features.append(each)
-        logs.append(torch.from_numpy(log_probability))
-        env.step(np.zeros(TRACKS, np.int64))
-    inputs = statement_inputs(options, *(np.stack(part) for part in zip(*features, strict=True)))
-    with torch.no_grad():
-        outputs = decider.net(torch.from_numpy(inputs), torch.stack(logs))
-    utility, stay = outputs.utility.numpy(), outputs.stay.numpy()
-    stated = utility[0].argmax(-1)
-    recorded = record_statements(decider, TRACKS, 5, **vars(options))
-
-    np.testing.assert_array_equal(recorded.stated_modes[0], stated)
-    for tick in range(1, 80):
-        utility[tick, np.arange(TRACKS), stated] += stay[tick]
-        stated = utility[tick].argmax(-1)
-        np.testing.assert_array_equal(recorded.stated_modes[tick], stated)
 
 
 @HABITS

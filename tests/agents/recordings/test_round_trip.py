@@ -7,7 +7,6 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 import pytest
-from pyproj import Geod
 from recorded_tracks import OBJECTS
 
 from agents.cli import main
@@ -17,7 +16,6 @@ from baselines.recordings.reading.read import read_recordings
 from baselines.recordings.tracker import OnlineTracker
 
 PLACES = {"walker": (47.5, 8.5), "aircraft": (-17.0, 179.999)}
-EARTH = Geod(ellps="WGS84")
 
 
 @pytest.fixture(scope="module")
@@ -83,18 +81,6 @@ def test_results_are_joined_by_the_times_of_the_file_and_scored(folder, name):
     figures = scored(folder, f"{name}-truth.csv", f"{name}_track/estimates.csv")
     assert figures["estimates"]["agreement"]["value"] == pytest.approx(right)
     assert right > 0.85
-
-
-@pytest.mark.parametrize("name", PLACES)
-def test_distances_on_the_earth_are_those_on_the_plane(folder, name):
-    rows = written(folder, name)[0].dropna(subset=["x", "estimate_x"])
-    measured = rows["lon"], rows["lat"]
-    estimated = rows["estimate_lon"], rows["estimate_lat"]
-    _, _, apart = EARTH.inv(*measured, *estimated)
-    plane = np.hypot(rows["x"] - rows["estimate_x"], rows["y"] - rows["estimate_y"])
-
-    # Degrees have nine decimals.
-    np.testing.assert_allclose(apart, plane, rtol=1e-4, atol=1e-3)
 
 
 def test_pieces_have_the_times_and_places_of_their_rows(folder):

@@ -13,9 +13,8 @@ from baselines import OnlineTracker
 from baselines.recordings.recording import make_recording
 from baselines.recordings.scatter import without_standing
 from baselines.recordings.ticks import tick_grid
-from baselines.recordings.track_modes import in_units
 from hybrid_env.checks import ArgumentError
-from hybrid_env.modes import Accelerate, LinearMode, Turn, TurnRate
+from hybrid_env.modes import LinearMode
 
 # Speed, tick, deviation of the noise, smallest share of right rows, and parts: mode, ticks, and
 # radius of a turn, or change of the heading before the part [rad].
@@ -234,22 +233,6 @@ def test_a_recording_of_an_oscillator_is_tracked_by_linear_modes(tmp_path):
     live = [tracker.update(point) for point in measured]
     np.testing.assert_allclose(live[-1].estimate, tracked.estimates[-1])
     assert [now.mode for now in live[-50:]] == tracked.modes[-50:].tolist()
-
-
-@pytest.mark.parametrize("mode", [Turn(-3.0), TurnRate(0.2), Accelerate(0.7)])
-def test_a_mode_moves_alike_in_other_units(mode):
-    """An hour and a kilometre for a second and a metre."""
-    length, velocity = 1e-3, 3.6
-    there = in_units(mode, length, velocity, 2.0, 1.0)
-    state = np.array([3.0, 1.0, -2.0, 0.5])
-    if mode.signed_radius:
-        assert there.radius == pytest.approx(length * mode.radius)
-    elif mode.starting_acceleration:
-        assert there.acceleration == pytest.approx(velocity * 3600.0 * mode.acceleration)
-    else:
-        units = np.array([length, velocity] * 2)
-        moved = there.matrices(2.0 / 3600.0)[0] @ (units * state)
-        np.testing.assert_allclose(moved, units * (mode.matrices(2.0)[0] @ state))
 
 
 def test_pieces_begin_where_the_motion_begins_to_change():

@@ -15,9 +15,6 @@ TRACK = np.cumsum(1.5 * np.column_stack([np.cos(HEADING), np.sin(HEADING)]), axi
 TRACK += np.random.default_rng(0).normal(0.0, 0.2, (ROWS, 2))
 FRAME = pd.DataFrame({"time": T, "x": TRACK[:, 0], "y": TRACK[:, 1]})
 LINES = FRAME.round(3).to_csv(index=False).splitlines()
-GRID = np.column_stack([47.0 + 9e-6 * TRACK[:, 1], 8.0 + 13e-6 * TRACK[:, 0]])
-START = pd.Timestamp("2026-05-01T23:59:00")
-DATES = START + pd.to_timedelta(T, unit="s")
 
 
 def inserted(*more):
@@ -129,9 +126,6 @@ def test_an_object_that_stands_still_and_rounded_positions_are_no_stale_source(r
     coarse = FRAME.assign(x=np.round(TRACK[:, 0] / 4.0) * 4.0, y=0.0)
     for frame in (standing, coarse):
         assert len(read(frame, unit="m").recordings[0].times) == ROWS
-
-
-DEGREES = {"lat": GRID[:, 0], "lon": GRID[:, 1]}
 
 
 @pytest.mark.parametrize(("unit", "first"), [(1, 0), (10, 0), (60, 0), (60, 4)])
