@@ -15,26 +15,6 @@ Cells: TypeAlias = pd.Series
 DAY = 86400.0
 
 
-CLOCKS = (
-    *("%H:%M:%S", "%H:%M:%S.%f", "%H:%M", "%H%M%S", "%H%M%S.%f"),
-    *("%I:%M:%S %p", "%I:%M:%S.%f %p", "%I:%M %p"),
-)
-DAYS = (
-    *(
-        f"{day}{mark}%{year}"
-        for year in "Yy"
-        for mark in "/.-"
-        for day in (f"%d{mark}%m", f"%m{mark}%d")
-    ),
-    *("%d-%b-%Y", "%d %b %Y", "%Y%m%d", "%y%m%d", "%d%m%y"),
-)
-FORMS = (
-    *("%Y%m%d%H%M%S", "%Y%m%d%H%M%S.%f", *CLOCKS, *DAYS),
-    *(f"{day} {clock}" for day in DAYS for clock in CLOCKS),
-)
-"""Formats that are recognised beside ISO 8601."""
-
-
 class Times(NamedTuple):
     """Times of all rows of a file."""
 
@@ -259,8 +239,19 @@ def _recognised(texts: Cells) -> Times:
         return share, last <= now, dates.min() - last, last.year
 
     marks = set(sample.str.replace(r"\w+", "", regex=True))
-    forms = [form for form in FORMS if re.sub(r"%\w", "", form) in marks]
+    forms = [form for form in _forms() if re.sub(r"%\w", "", form) in marks]
     return _formed(texts, max(["ISO8601", *forms], key=rank))
+
+
+def _forms() -> list[str]:
+    """Return the formats that are recognised beside ISO 8601."""
+    clocks = ["%H:%M:%S", "%H:%M:%S.%f", "%H:%M", "%H%M%S", "%H%M%S.%f"]
+    clocks += ["%I:%M:%S %p", "%I:%M:%S.%f %p", "%I:%M %p"]
+    orders = "%d{0}%m{0}%Y", "%m{0}%d{0}%Y", "%d{0}%m{0}%y", "%m{0}%d{0}%y"
+    days = [order.format(mark) for order in orders for mark in "/.-"]
+    days += ["%d-%b-%Y", "%d %b %Y", "%Y%m%d", "%y%m%d", "%d%m%y"]
+    whole = ["%Y%m%d%H%M%S", "%Y%m%d%H%M%S.%f"]
+    return [*whole, *clocks, *days, *(f"{day} {clock}" for day in days for clock in clocks)]
 
 
 def _formed(texts: Cells, form: str) -> Times:
