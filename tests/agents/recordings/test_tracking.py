@@ -93,7 +93,7 @@ def test_no_piece_is_shorter_than_three_rows(name):
     for decider in ("threshold", "steady", None):
         tracked = [
             track_recording(target.times(len(run)), run, decider=decider, live=decider is not None)
-            for run in target.simulate(4, seed=3).measurements
+            for run in target.simulate(2, seed=3).measurements
         ]
         shortest[decider] = min(np.diff(each.pieces[:, :2]).min() for each in tracked)
     assert min(shortest[None], shortest["steady"]) >= 3 > shortest["threshold"]
