@@ -8,8 +8,6 @@ from importlib import metadata
 
 from hybrid_env.extras import DISTRIBUTION, MissingExtraError, explained
 
-PACKAGES = ("agents", "baselines")
-
 
 def main() -> int:
     """Run `agents.cli.main`, or say which extra it needs or which distribution stands in its
@@ -53,7 +51,8 @@ def _help(error: MissingExtraError) -> str:
 def _foreign() -> str | None:
     """Return which packages of another distribution stand in the place of ours; None if none do."""
     distributions = metadata.packages_distributions()
-    others = {name: set(distributions.get(name, ())) - {DISTRIBUTION} for name in PACKAGES}
+    packages = ("agents", "baselines")
+    others = {name: set(distributions.get(name, ())) - {DISTRIBUTION} for name in packages}
     shown = [f"'{name}' of {', '.join(sorted(kinds))}" for name, kinds in others.items() if kinds]
     if not shown:
         return None

@@ -28,7 +28,6 @@ from hybrid_env.core.memory import MOTION, MOTION_STATES
 Matrices = tuple[FloatArray, FloatArray, FloatArray | None]
 Nonzero = Annotated[float, Interval(ge=-1e18, le=1e18)]
 
-MOST_MODES = 1000
 # Places of [x, vx, y, vy], and of [x, vx, ax, y, vy, ay], in the order of the compiled core.
 PLACES = {4: (0, 1, 2, 3), MOTION_STATES: (0, 1, 4, 2, 3, 5)}
 
@@ -299,7 +298,8 @@ def parse_modes(value: Any, name: str = "modes") -> tuple[Mode, ...] | None:
         return None
     modes: list[Mode] = []
     parts = [part.strip() for part in value.split(",")] if isinstance(value, str) else value
-    for part in parts[: MOST_MODES + 1] if isinstance(parts, (tuple, list)) else [value]:
+    most_modes = 1000
+    for part in parts[: most_modes + 1] if isinstance(parts, (tuple, list)) else [value]:
         mode = mode_of(part)
         if mode is None:
             allowed = (
@@ -309,8 +309,8 @@ def parse_modes(value: Any, name: str = "modes") -> tuple[Mode, ...] | None:
             raise reject(name, part, allowed)
         modes.append(mode)
     names = [mode.name for mode in modes]
-    if not 2 <= len(modes) <= MOST_MODES or len({*names}) < len(modes):
-        raise reject(name, names, f"2 to {MOST_MODES:,} modes of different names")
+    if not 2 <= len(modes) <= most_modes or len({*names}) < len(modes):
+        raise reject(name, names, f"2 to {most_modes:,} modes of different names")
     return tuple(modes)
 
 

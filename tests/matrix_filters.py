@@ -188,6 +188,15 @@ class LiteralImm:
         self.covariances = [np.array(P) for _ in curvatures]
         self.probability = np.full(len(curvatures), 1.0 / len(curvatures))
 
+    def mixed(self, j, weights):
+        """Return state and covariance in which filter j begins a tick."""
+        return self.merged(weights)
+
+    def predicted(self, j, x, P):
+        """Return the prediction of filter j."""
+        F = turn_matrix(x, self.curvatures[j], self.tau)
+        return F @ x, F @ P @ F.T + self.GQG
+
     def merged(self, weights):
         """Return mean and covariance of the mixture of the filters."""
         mean = sum(w * x for w, x in zip(weights, self.states, strict=True))
@@ -201,16 +210,15 @@ class LiteralImm:
         """One tick; a measurement None only predicts."""
         prior = self.transition.T @ self.probability
         weights = self.transition * self.probability[:, None] / prior
-        mixed = [self.merged(column) for column in weights.T]
+        mixed = [self.mixed(j, column) for j, column in enumerate(weights.T)]
         self.log_likelihood = np.zeros(len(prior))
-        for j, (curvature, (x, P)) in enumerate(zip(self.curvatures, mixed, strict=True)):
-            F = turn_matrix(x, curvature, self.tau)
-            x, P = F @ x, F @ P @ F.T + self.GQG
+        for j, begun in enumerate(mixed):
+            x, P = self.predicted(j, *begun)
             if z is not None:
                 x, P, likelihood = correct(x, P, z, self.R, self.rates, self.freedom)
                 self.log_likelihood[j] = likelihood
             self.states[j], self.covariances[j] = x, P
-        self.probability = prior * np.exp(self.log_likelihood)
+        self.probability = prior * np.exp(self.log_likelihood - self.log_likelihood.max())
         self.probability /= self.probability.sum()
         self.estimate, self.covariance = self.merged(self.probability)
 

@@ -4,6 +4,7 @@ form.
 
 import numpy as np
 from matrix_filters import (
+    LiteralImm,
     MatrixExtendedKalmanFilter,
     MatrixFilter,
     MatrixKalmanFilter,
@@ -143,52 +144,36 @@ def filters_of_modes(env, i, matrices, freedom=0):
     return filters
 
 
-class OneTick(MatrixFilter):
-    """A filter that begins a tick with its prediction."""
-
-    def __init__(self, x, P, R, freedom):
-        self.x, self.P, self.R, self.freedom = x, P, R, freedom
-
-    def predicted(self):
-        """Return state and covariance."""
-        return self.x, self.P
-
-
-class ImmOfModes:
-    """IMM as in Blom & Bar-Shalom 1988 for any modes and any transition matrix. Filters have the
-    states [x, vx, y, vy, ax, ay]; accelerations are those of a mode, and 0 at a switch.
+class ImmOfModes(LiteralImm):
+    """The same for any modes and any transition matrix. Filters have the states [x, vx, y, vy, ax,
+    ay]; accelerations are those of a mode, and 0 at a switch.
     """
 
-    # See `matrix_filters.step_filters`.
-    rates = ()
-
     def __init__(self, estimate, P, matrices, transition, tau, Q, freedom=0):
-        self.modes, self.transition = matrices, transition
-        self.tau, self.GQG, self.freedom = tau, np.diag([0.0, Q, 0.0, Q]), freedom
-        M = len(matrices)
-        self.states = [np.append(estimate, [0.0, 0.0]) for _ in range(M)]
-        self.covariances = [linalg.block_diag(P, np.zeros((2, 2))) for _ in range(M)]
-        self.probability = np.full(M, 1.0 / M)
+        self.modes = list(matrices.items())
+        start = np.append(estimate, [0.0, 0.0]), linalg.block_diag(P, np.zeros((2, 2)))
+        super().__init__(*start, self.modes, transition, tau, Q, (1.0, 1.0), freedom)
+        self.GQG = linalg.block_diag(self.GQG, np.zeros((2, 2)))
 
     def mixed(self, j, weights):
         """Return state and covariance in which filter j begins a tick."""
         without = np.diag([1.0, 1.0, 1.0, 1.0, 0.0, 0.0])
         parts = [np.eye(6) if g == j else without for g in range(len(weights))]
-        states = [A @ x for A, x in zip(parts, self.states, strict=True)]
-        mean = sum(w * x for w, x in zip(weights, states, strict=True))
-        spread = sum(
-            w * (A @ P @ A + np.outer(x - mean, x - mean))
-            for w, A, x, P in zip(weights, parts, states, self.covariances, strict=True)
-        )
-        return mean, spread
+        kept = self.states, self.covariances
+        self.states = [A @ x for A, x in zip(parts, self.states, strict=True)]
+        self.covariances = [A @ P @ A for A, P in zip(parts, self.covariances, strict=True)]
+        begun = self.merged(weights)
+        self.states, self.covariances = kept
+        return begun
 
-    def predicted(self, mode, given, x, P):
-        """Return the prediction of the filter of a mode."""
+    def predicted(self, j, x, P):
+        """Return the prediction of filter j."""
+        mode, given = self.modes[j]
         if given is None:
             F = linalg.block_diag(
                 turn_matrix(x, 1 / mode.signed_radius, self.tau), np.zeros((2, 2))
             )
-            return F @ x, F @ P @ F.T + linalg.block_diag(self.GQG, np.zeros((2, 2)))
+            return F @ x, F @ P @ F.T + self.GQG
         F, B, Q, acceleration = given
         if len(F) == 4:
             F, Q = (linalg.block_diag(A, np.zeros((2, 2))) for A in (F, Q))
@@ -199,20 +184,3 @@ class ImmOfModes:
             x = np.append(x[:4], acceleration * x[[1, 3]] / np.hypot(x[1], x[3]))
             P = linalg.block_diag(P[:4, :4], np.zeros((2, 2)))
         return F @ x + B[order], F @ P @ F.T + Q
-
-    def step(self, z):
-        """One tick; a measurement None only predicts."""
-        prior = self.transition.T @ self.probability
-        weights = self.transition * self.probability[:, None] / prior
-        mixed = [self.mixed(j, column) for j, column in enumerate(weights.T)]
-        likelihoods = np.zeros(len(prior))
-        pairs = zip(self.modes.items(), mixed, strict=True)
-        for j, ((mode, given), (x, P)) in enumerate(pairs):
-            kalman = OneTick(*self.predicted(mode, given, x, P), self.R, self.freedom)
-            kalman.step(z)
-            self.states[j], self.covariances[j] = kalman.x, kalman.P
-            likelihoods[j] = kalman.log_likelihood
-        self.log_likelihood = likelihoods
-        self.probability = prior * np.exp(likelihoods - likelihoods.max())
-        self.probability /= self.probability.sum()
-        self.estimate = sum(p * x[:4] for p, x in zip(self.probability, self.states, strict=True))

@@ -113,27 +113,3 @@ def soak(options, tracks, ticks, seed):
         if decided.any():
             done += int((info["decided_length"] - info["ticks"]).sum())
         restart = terminated
-
-
-def unit_scales(options, length, time):
-    """Return options in which lengths and times are measured in other units."""
-    scaled = dict(options)
-    scaled["radii"] = tuple(radius * length for radius in options["radii"])
-    scaled["speed"] = options["speed"] * length / time
-    scaled["tau"] = options["tau"] * time
-    scaled["process_variance"] = options["process_variance"] * (length / time) ** 2
-    scaled["measurement_variance"] = options["measurement_variance"] * length**2
-    position, velocity = options["initial_error"]
-    scaled["initial_error"] = (position, velocity * (length / time) ** 2)
-    units = {
-        "variance": length**2,
-        "position": length,
-        "range": length,
-        "range_deviation": length,
-        "rate_deviation": length / time,
-    }
-    scaled["sensors"] = [
-        {key: np.multiply(value, units.get(key, 1)).tolist() for key, value in sensor.items()}
-        for sensor in options.get("sensors", ())
-    ]
-    return scaled

@@ -3,13 +3,10 @@
 import json
 
 import numpy as np
-import pytest
 
 from hybrid_env import KalmanBank
-from hybrid_env.registration import make_vector_env
 from tools.bench import timing
 from tools.bench.__main__ import main
-from tools.bench.environments import Steps
 from tools.bench.filters import START, FilterpyBank
 
 
@@ -24,15 +21,6 @@ def test_the_bank_and_its_peer_compute_the_same_likelihoods():
         theirs.step(z)
 
     np.testing.assert_allclose(ours.log_likelihood, theirs.log_likelihood, rtol=1e-10)
-
-
-def test_simulated_ticks_include_fast_forwarded_ones():
-    env = make_vector_env("hybrid_env:HybridTrackPublished-v0", 400, tick_info=False)
-    # A declaration in 25 at tick k of a segment of 75 runs 75 - k ticks more, k about 19 on
-    # average: (1 + 56 / 25) a step, give or take a tenth for the segments' lengths and the start.
-    for share, ticks in ((0.0, 1.0), (0.04, 3.2)):
-        env.reset(seed=0)
-        assert Steps(env, share).ticks_per_step == pytest.approx(ticks, rel=0.15 if share else 0.0)
 
 
 def test_groups_are_printed_and_written(monkeypatch, capsys, tmp_path):

@@ -38,15 +38,3 @@ def test_the_links_of_a_page_lead_somewhere(page):
     relative = [link for link in links if not re.match(r"[a-z]+:", link)]
 
     assert [link for link in relative if not leads_somewhere(page, link)] == []
-
-
-def test_headings_have_the_anchors_of_a_forge():
-    text = "# A `rule`, 2 %\n```\n# none\n```\n## [Rules](rules.md)\n## Rules\n"
-
-    assert anchors(text) == {"a-rule-2-", "rules", "rules-1"}
-
-
-@pytest.mark.parametrize("link", ["no.md", "deciders.md#no", "#no"])
-def test_a_dead_link_is_seen(link):
-    assert not leads_somewhere(ROOT / "docs" / "start.md", link)
-    assert leads_somewhere(ROOT / "docs" / "start.md", "deciders.md#rules")

@@ -22,8 +22,6 @@ from hybrid_env.registration import make_track_vector_env
 
 # Tracks and ticks of the measurements.
 TRACKS, TICKS = 256, 100
-# Edges of the bins of the histogram.
-EDGES = np.concatenate([[0.0], np.geomspace(1.0, 1e12, 73), [np.inf]])
 SEARCHED: dict[type[Noise], tuple[tuple[tuple[float, ...], float, float], ...]] = {
     OutlierNoise: (((0.01, 0.05, 0.2), 1e-3, 0.4), ((3.0, 10.0, 50.0, 200.0), 1.5, 1e3)),
     StudentNoise: (((1.5, 3.0, 10.0), 1.0, 100.0),),
@@ -84,12 +82,14 @@ def _likeliest(kind: type[Noise], surprise: Callable[[Noise], float]) -> tuple[f
 
 
 def _histogram(options: ModelOptions, noise: Any, seed: int) -> FloatArray:
-    """Return how many squared third differences, in units of R, fall into each bin of `EDGES`."""
+    """Return how many squared third differences, in units of R, fall into each bin of `edges`."""
     changed = {**vars(options), "noise": noise}
     env = make_track_vector_env(task_with(options).env_id, TRACKS, tick_info=False, **changed)
     # Weights of neighbouring measurements in a third difference.
     weights = np.array([-1.0, 3.0, -3.0, 1.0])
-    counts = np.zeros(EDGES.size - 1)
+    # Edges of the bins of the histogram.
+    edges = np.concatenate([[0.0], np.geomspace(1.0, 1e12, 73), [np.inf]])
+    counts = np.zeros(edges.size - 1)
     last = np.full((weights.size, TRACKS, 2), np.nan)
     for now in rollout(env, lambda rows: np.zeros(len(rows), np.int64), seed):
         measured = env.world.field("measurement")
@@ -97,7 +97,7 @@ def _histogram(options: ModelOptions, noise: Any, seed: int) -> FloatArray:
         measured[now.terminated] = np.nan
         last = np.concatenate([last[1:], measured[None]])
         squared = (np.tensordot(weights, last, 1) ** 2 / env.options.variances).sum(-1)
-        counts += np.histogram(squared[np.isfinite(squared)], EDGES)[0]
+        counts += np.histogram(squared[np.isfinite(squared)], edges)[0]
         if now.step == TICKS:
             break
     return counts

@@ -24,8 +24,6 @@ Call = Callable[[], Any]
 Name = TypeVar("Name", bound=Hashable)
 # Repeats of the calls of lost workers; more losses mean that a call itself ends its worker.
 LARGEST_RETRIES = 3
-# Calls that a Ray cluster has at a time: enough for the workers of some machines.
-WINDOW = 1_000
 
 
 @dataclass(kw_only=True)
@@ -115,8 +113,10 @@ def _ray(calls: Mapping[Name, Call], jobs: int) -> Iterator[tuple[Name, Any]]:
         )
     task = ray.remote(max_retries=LARGEST_RETRIES, num_cpus=1)(_in_worker)
     waiting = (task.remote(*call, trusted()) for call in calls.items())
+    # Calls that a Ray cluster has at a time: enough for the workers of some machines.
+    window = 1_000
     # A wait takes as long as there are calls that run.
-    running = [*islice(waiting, WINDOW)]
+    running = [*islice(waiting, window)]
     try:
         while running:
             (done,), running = ray.wait(running)

@@ -25,11 +25,6 @@ from hybrid_env.observation import Layout, QuickestLayout
 WEIGHTS = "policy.safetensors"
 LAYOUTS: dict[str, type[Layout]] = {ANNOUNCED: Layout, UNKNOWN: QuickestLayout}
 
-# Deciders whose weights come with the package, as on their cards.
-OF_PACKAGE = (
-    "agents.learned.anchor_decider:AnchorDecider",
-    "agents.learned.statement_decider:StatementDecider",
-)
 # Bytes.
 LARGEST_POLICY = 2**27
 # Numbers of an observation row.
@@ -97,7 +92,12 @@ def find_kind(algo: Any, decider: Any) -> Any:
     """Return the class that decides with weights, by the names on their card: the decider if it is
     of this package, or that of the algorithm, or the algorithm of a library.
     """
-    if decider in OF_PACKAGE:
+    # Deciders whose weights come with the package, as on their cards.
+    of_package = (
+        "agents.learned.anchor_decider:AnchorDecider",
+        "agents.learned.statement_decider:StatementDecider",
+    )
+    if decider in of_package:
         module, _, name = decider.partition(":")
         return getattr(importlib.import_module(module), name)
     algorithm = find_algorithm(algo)

@@ -28,8 +28,6 @@ FLAT_ORDER = np.ravel_multi_index(ORDER_OF_BOTH, (STATES, STATES))
 LINEAR = [0, 2, 1, 3, 4, 5]
 # Ticks that are smoothed at a time.
 PIECE_TICKS = 512
-# Relative deviation of the curvature of a turn from what was smoothed.
-SMOOTHED = 0.2
 # Times at the begin of a piece in which its curvature may be the mean of that before and its own.
 GRADUAL = np.array([0, 2, 4, 8, 16])
 
@@ -281,7 +279,8 @@ class PieceSmoother:
         begun = _gradual(of_pieces)
         rates = np.append(self.rates, _curvatures(begun) * self.speed)
         segments = self._segments(pieces, np.concatenate([of_pieces, begun]), rates)
-        segments = segments._replace(spread=SMOOTHED)
+        # Relative deviation of the curvature of a turn from what was smoothed.
+        segments = segments._replace(spread=0.2)
         segments.Q[:] *= process_share
         before = np.diff(pieces[:, 0], prepend=0) - 1
         firsts = pieces[:, 0] - stride * np.minimum(before // stride, REACH)

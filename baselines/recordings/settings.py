@@ -23,9 +23,6 @@ from hybrid_env.modes import Mode, parse_modes
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.sensors import Radar
 
-# Bytes of track.json. A thousand modes need less, a hundred with matrices too.
-LARGEST_FILE = 2**20
-
 # Of the units of a recording, which are any; squares and products do not overflow.
 Found = Annotated[float, Interval(ge=1e-60, le=1e60)]
 FoundOrZero = Annotated[float, Interval(ge=0.0, le=1e60)]
@@ -114,9 +111,11 @@ def read_settings(recording: Any) -> TrackerSettings:
     """
     if hasattr(recording, "settings"):
         return _settings(recording.settings())
+    # Bytes of track.json. A thousand modes need less, a hundred with matrices too.
+    largest_file = 2**20
     try:
         path = Path(recording)
-        return _settings(read_json(path, LARGEST_FILE))
+        return _settings(read_json(path, largest_file))
     except ArgumentError as error:
         raise ArgumentError(f"{path.name}: {error}") from None
     except (OSError, ValueError, TypeError) as error:

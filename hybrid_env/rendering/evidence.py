@@ -9,9 +9,6 @@ from typing import Literal
 from hybrid_env.checks import reject
 from hybrid_env.modes import Mode, modes_of_radii
 
-TYPE_COLOURS = {"straight": "#d55e00", "left": "#0072b2", "right": "#009e73"}
-"""The papers' red, blue and green in the palette of Okabe and Ito."""
-
 # Modes of the options of an environment, or the turn radii of the bank [m].
 Modes = Sequence[Mode] | Sequence[float]
 
@@ -47,9 +44,11 @@ def mode_colour(mode: int, modes: Modes) -> str:
 
 def type_colours(modes: Sequence[Mode]) -> dict[str, str]:
     """Return the colour of each type of modes."""
-    others = dict.fromkeys(mode.type for mode in modes if mode.type not in TYPE_COLOURS)
+    # The papers' red, blue and green in the palette of Okabe and Ito.
+    type_colours = {"straight": "#d55e00", "left": "#0072b2", "right": "#009e73"}
+    others = dict.fromkeys(mode.type for mode in modes if mode.type not in type_colours)
     colours = itertools.cycle(("#cc79a7", "#e69f00", "#56b4e9", "#000000", "#f0e442"))
-    return TYPE_COLOURS | dict(zip(others, colours, strict=False))
+    return type_colours | dict(zip(others, colours, strict=False))
 
 
 def legend_colours(modes: Modes) -> dict[str, str]:

@@ -30,7 +30,7 @@ class League:
     """
     recipes: tuple[str, ...] = ()
     """Recipes whose agents are trained, and trained further if that was interrupted: 'reward',
-    'tandem', 'kalman', 'q-deep' or 'q-linear' of this study, one of the package, or a YAML file.
+    'q-deep' or 'q-linear' of this study, one of the package, or a YAML file.
     """
     training_seeds: int = 5
     """Number of agents trained per recipe."""
@@ -54,7 +54,7 @@ class League:
         if self.quick:
             episodes, seeds = {"R = 0.1": 8, "R = 1": 8, "unknown, R = 0.1": 3}, 2
             steps, tracks = 2000, 16
-            deciders, recipes = deciders or ("msprt", "threshold"), recipes or ("tandem",)
+            deciders, recipes = deciders or ("msprt", "threshold"), recipes or ("reward",)
         files = map(read_entry, self.table)
         shown = [*([] if self.quick else shipped_entries()), *files]
         self.out.mkdir(parents=True, exist_ok=True)

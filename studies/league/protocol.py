@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from agents import Task, find_decider, select_threshold, sweep, task_of
 from baselines import Decider, Scores
 from hybrid_env import ArgumentError, Layout, QuickestLayout
-from studies.league import kalman, reward, tandem
+from studies.league import reward
 
-# The weights of these algorithms can be loaded, because they are imported.
-RIVALS = (kalman, reward, tandem)
+# The weights of this algorithm can be loaded, because it is imported.
+REWARD = reward.Reward
 # Number of the protocol; it rises when worlds, episodes or metrics change.
 PROTOCOL = 1
 # Three hypotheses, 21 hypotheses, and three with unknown switch moments.

@@ -69,7 +69,6 @@ class RewardDecider(SegmentDecider):
     of the network (N, M - 1, hidden).
     """
 
-    any_modes = True
     default = 0.03
     network = RewardNet
 
@@ -88,7 +87,7 @@ class Reward(SegmentAlgorithm):
 
     def loss(self, inputs: list[Tensor], segments: Segments) -> Tensor:
         """Return the mean cross-entropy of the rewarded hypothesis over all rows."""
-        lengths, declared, rewarded, _ = segments
+        lengths, declared, rewarded = segments
         logs = self.net.whole(*inputs, lengths)
         groups = torch.from_numpy(self.world.groups)
         with torch.no_grad():

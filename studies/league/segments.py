@@ -1,4 +1,4 @@
-"""What the rivals for announced switches share: inputs, decider, and training on whole segments.
+"""Inputs, decider and training on whole segments, of an agent for announced switches.
 
 A segment is a short stopping problem whose last reward is known at once. In training the thresholds
 are drawn, and so are some declarations. A round of whole episodes is determined by its number, so
@@ -8,7 +8,6 @@ hypothesis, from the side of this turn.
 
 import copy
 from abc import abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, NamedTuple
 
@@ -26,11 +25,6 @@ Rows = NDArray[np.float32]
 # Inputs of a row, for each turn hypothesis.
 INPUTS = 33
 SMALLEST = 1e-30
-
-
-def sides(hypotheses: int) -> NDArray[np.float32]:
-    """Return 0 for straight motion, 1 for left and -1 for right turns, (M,)."""
-    return np.repeat(np.array([0, 1, -1], np.float32), [1, hypotheses // 2, hypotheses // 2])
 
 
 def row_inputs(rows: Rows) -> tuple[Rows, Rows]:
@@ -118,34 +112,13 @@ def places(lengths: Tensor) -> tuple[Tensor, Tensor]:
     return segment, torch.arange(len(segment)) - (lengths.cumsum(0) - lengths)[segment]
 
 
-def each_tensor(function: Callable[..., Tensor], *states: Any) -> Any:
-    """Apply a function to the tensors at the same places of states, which are nested tuples."""
-    first = states[0]
-    if first is None:
-        return None
-    if isinstance(first, Tensor):
-        return function(*states)
-    parts = [each_tensor(function, *parts) for parts in zip(*states, strict=True)]
-    return type(first)(*parts) if hasattr(first, "_fields") else tuple(parts)
-
-
-def where(tracks: Tensor, state: Any, other: Any) -> Any:
-    """Return one state for the tracks of a mask (N,), and another one for the others."""
-
-    def chosen(part: Tensor, others: Tensor) -> Tensor:
-        return torch.where(tracks.view(-1, *[1] * (part.ndim - 1)), part, others)
-
-    return each_tensor(chosen, state, other)
-
-
 class SegmentDecider(NetworkDecider):
     """Declares the likeliest hypothesis, or the best one of the likeliest type, once its error
-    probability is at most alpha. The state is a tensor (N, ...) or a nested tuple of them.
+    probability is at most alpha. The state is a tensor (N, ...).
     """
 
     network: ClassVar[Any]
     """Creates the network with a number of hidden units."""
-    any_modes = False
     symbol = "alpha"
     thresholds = 0.6, 0.4, 0.25, 0.15, 0.1, 0.08, 0.05, 0.03, 0.02, 0.01, 3e-3, 3e-4, 1e-5
     default = 0.02
@@ -191,7 +164,7 @@ class SegmentDecider(NetworkDecider):
         return posterior.numpy(), state
 
     def select_tracks(self, state: Any, tracks: NDArray[np.bool_]) -> Any:
-        return each_tensor(lambda part: part[torch.from_numpy(tracks)], state)
+        return state[torch.from_numpy(tracks)]
 
 
 class Segments(NamedTuple):
@@ -203,8 +176,6 @@ class Segments(NamedTuple):
     declared: Any
     # (S,) whether the reward of the declaration was positive.
     rewarded: Any
-    # (S,) true mode, which an agent that learns from rewards alone does not read.
-    modes: Any
 
 
 class Explorer(Decider):
@@ -231,7 +202,7 @@ class Explorer(Decider):
         return actions, (memory, torch.from_numpy(alpha))
 
     def select_tracks(self, state: Any, tracks: NDArray[np.bool_]) -> Any:
-        return self.agent.select_tracks(state, tracks)
+        return tuple(self.agent.select_tracks(part, tracks) for part in state)
 
     def segments(self, env: HybridTrackVectorEnv, seed: int) -> tuple[Rows, Segments]:
         """Run one episode of every track; return its rows (n, width) and segments up to the
@@ -239,15 +210,12 @@ class Explorer(Decider):
         """
         unfinished = np.ones(env.num_envs, np.bool_)
         running = np.arange(env.num_envs)
-        # Missing if nobody decided.
-        nothing = np.zeros(env.num_envs, np.int64)
-        # What each tick and track tells: track, row; then action, reward and true mode.
+        # What each tick and track tells: track, row; then action and reward.
         asked: list[Any] = []
         answers: list[Any] = []
         for now in rollout(env, self, seed, unfinished):
             if now.step:
-                modes = now.info.get("decided_true_mode", nothing)
-                answers.append([part[running] for part in (now.actions, now.rewards, modes)])
+                answers.append((now.actions[running], now.rewards[running]))
                 unfinished &= ~now.terminated
             running = np.flatnonzero(unfinished)
             if not running.size:
@@ -255,13 +223,11 @@ class Explorer(Decider):
             asked.append((running, now.observation[running]))
         tracks, rows = map(np.concatenate, zip(*asked, strict=True))
         order = np.argsort(tracks, kind="stable")
-        actions, rewards, modes = (
-            np.concatenate(part)[order] for part in zip(*answers, strict=True)
-        )
+        actions, rewards = (np.concatenate(part)[order] for part in zip(*answers, strict=True))
         last = np.flatnonzero(actions)
         rewarded = rewards[last] + env.options.delay_cost > 0.0
         lengths = np.diff(last, prepend=-1)
-        return rows[order], Segments(lengths, actions[last] - 1, rewarded, modes[last])
+        return rows[order], Segments(lengths, actions[last] - 1, rewarded)
 
 
 @dataclass(frozen=True, kw_only=True)

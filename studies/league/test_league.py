@@ -52,12 +52,12 @@ def test_the_quick_form_plays_and_trains_and_goes_on_from_what_is_there(tmp_path
     flags = ["--quick", "--jobs", "1", "--out", str(tmp_path)]
     assert run_command(League, "league", flags) == 0
     assert (tmp_path / "league.png").exists()
-    entry = read_entry(tmp_path / "tandem.json")
+    entry = read_entry(tmp_path / "reward.json")
     seeds = entry["worlds"]["R = 0.1"]["seeds"]
     assert scores_of(entry, "R = 0.1").values.mean() == pytest.approx(np.mean(seeds), abs=1e-6)
     middle = interquartile_mean(np.array(seeds)[:, None]).value
     assert f"{middle:.3f} (" in families_tables([entry])[THREE]["R = 0.1"].iloc[0]
     written = {path: path.stat().st_mtime_ns for path in tmp_path.glob("agents/*/league.json")}
 
-    assert run_command(League, "league", [*flags, "--recipes", "tandem"]) == 0
+    assert run_command(League, "league", [*flags, "--recipes", "reward"]) == 0
     assert {path: path.stat().st_mtime_ns for path in written} == written

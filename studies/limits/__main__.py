@@ -4,11 +4,10 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from joblib import cpu_count, delayed
+from joblib import cpu_count
 
 from agents import run_command
 from studies.limits import report, study
-from studies.limits.literature import published_rules
 from studies.results import in_parallel, save_results
 
 
@@ -17,17 +16,13 @@ class Limits:
     """Evaluate every classical rule on every filter bank and noise level.
 
     The default takes about two hours on one core, 1,500 episodes one hour; with unknown switch
-    moments, or with published rules only, about an hour.
+    moments about an hour.
     """
 
     unknown: bool = False
     """Evaluate rules for unknown switch moments, in HybridTrackQuickest-v0."""
     bound: bool = False
     """Evaluate the bound of the default ids only, with the best rule and the learned stop below it.
-    """
-    literature: bool = False
-    """Evaluate published rules only, each with all its thresholds tuned, with P := I and with P
-    kept, in HybridTrackPublished-v0.
     """
     episodes: int = 3000
     """Number of episodes per rule; a third as many others serve to select thresholds."""
@@ -42,9 +37,7 @@ class Limits:
 
     def duration(self) -> str:
         """Return in words how long the study takes."""
-        hours = (
-            (1.0 if self.unknown or self.literature or self.bound else 2.0) * self.episodes / 3000
-        )
+        hours = (1.0 if self.unknown or self.bound else 2.0) * self.episodes / 3000
         cores = cpu_count() if self.jobs < 0 else self.jobs
         minutes = f"{60 * hours / cores:.0f} minutes on {cores}"
         return f"This takes about {hours:.2g} hours on one core, {minutes}; --quick one minute."
@@ -55,10 +48,7 @@ class Limits:
         if not self.quick:
             print(self.duration(), flush=True)
         run = episodes, self.seed
-        if self.literature:
-            noises = study.noise_levels(self.quick)
-            parts = {"literature": [delayed(published_rules)(noise, *run) for noise in noises]}
-        elif self.bound:
+        if self.bound:
             parts = {"bound": study.bound_calls(*run, self.quick)}
         else:
             parts = study.calls(self.unknown, *run, self.quick)

@@ -26,8 +26,6 @@ def markdown(parts: Mapping[str, Sequence[Row]]) -> str:
         " best threshold."
     )
     by_noise = "R = {:g}"
-    if "literature" in parts:
-        return _literature(pd.DataFrame(parts["literature"]), by_noise)
     text = []
     if "bound" in parts:
         for place, here in pd.DataFrame(parts["bound"]).groupby("place", sort=False):
@@ -56,26 +54,6 @@ def markdown(parts: Mapping[str, Sequence[Row]]) -> str:
         " posterior minus accuracy in a bin of the posterior).\n",
         _pivot(calibration, ["bank", "R", "ticks"], "after {} ticks", _calibration_cell),
     ]
-    return "\n".join(text)
-
-
-def _literature(rows: pd.DataFrame, by_noise: str) -> str:
-    """Return the rewards of published rules, and their thresholds."""
-
-    def used(row: Row) -> str:
-        return ", ".join(f"{threshold:g}" for threshold in row["thresholds"])
-
-    cells = (
-        (
-            "Mean reward per segment at the tuned thresholds; in brackets the gain over the first"
-            " row on the same episodes, with its 95 % interval.",
-            _gain_cell,
-        ),
-        ("Thresholds, tuned on other episodes.", used),
-    )
-    text = ["### Published rules in HybridTrackPublished-v0\n"]
-    for title, cell in cells:
-        text += [f"{title}\n", _pivot(rows, ["step", "noise"], by_noise, cell)]
     return "\n".join(text)
 
 

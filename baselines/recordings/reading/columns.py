@@ -9,8 +9,6 @@ from baselines.recordings.reading.values import parted_places
 from hybrid_env.checks import ArgumentError, reject
 
 MODE = (("mode",),)
-# Names of times.
-CLOCK = r"(?:^|_)(?:(?:date_?)?time(?:_?stamp)?s?|at)$"
 
 
 def find_columns(
@@ -54,9 +52,11 @@ def find_columns(
         roles["position"] = k = roles.get("position", found.get("position", [0])[0])
         for role, cells in zip(("lat", "lon"), parted_places(table.frame[k]), strict=True):
             found[role] = [table.add(f"{role} of {table.label(k)}", cells)]
+    # Names of times.
+    clock = r"(?:^|_)(?:(?:date_?)?time(?:_?stamp)?s?|at)$"
     if not {"time", "date", "fix_time"} & {*roles, *found}:
         # Under another name, such as `acquisition time`.
-        timed = [k for k, name in enumerate(table.names) if re.search(CLOCK, split_unit(name)[0])]
+        timed = [k for k, name in enumerate(table.names) if re.search(clock, split_unit(name)[0])]
         if timed:
             roles["time"] = timed[0]
             table.notes.append(f"{table.label(timed[0])!r} taken as time (--columns)")

@@ -24,15 +24,6 @@ from baselines.recordings.reading.table import Table
 from hybrid_env.checks import ArgumentError, reject
 
 KINDS = "a CSV, TSV, Parquet, GPX, TCX, KML, GeoJSON, NMEA or IGC file"
-# Texts that are no tables, and what makes tables of them.
-UNREADABLE = {
-    "$GP": "NMEA without sentences RMC or GGA, which have times of positions",
-    "!AIVDM,": "AIS sentences have no dates: decode them to CSV with times, for example by pyais",
-    "Type,Local Number,Message,": (
-        "rows of fields of FitCSVTool: write a table by its options -b and --data record, and read"
-        " the file that ends in _data.csv"
-    ),
-}
 
 
 @dataclass(frozen=True)
@@ -184,7 +175,16 @@ def _read_text(content: bytes, file: str) -> Table:
         table = Table(file, cells, notes=notes)
         table.leave_out("sentences with a wrong checksum", wrong)
         return table
-    for word, advice in UNREADABLE.items():
+    # Texts that are no tables, and what makes tables of them.
+    unreadable = {
+        "$GP": "NMEA without sentences RMC or GGA, which have times of positions",
+        "!AIVDM,": "AIS sentences have no dates: decode them to CSV, for example by pyais",
+        "Type,Local Number,Message,": (
+            "rows of fields of FitCSVTool: write a table by its options -b and --data record, and"
+            " read the file that ends in _data.csv"
+        ),
+    }
+    for word, advice in unreadable.items():
         if head.str.contains(word, regex=False).any():
             raise ArgumentError(f"{file}: {advice}")
     delimiter, header = _form(filled.iloc[:200].tolist())

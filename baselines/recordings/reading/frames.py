@@ -3,19 +3,11 @@
 import re
 
 import numpy as np
-import pandas as pd
 import pyproj
 
 from baselines.recordings.reading.names import FRAMES, plain_name, split_unit
 from baselines.recordings.reading.table import Table
-from hybrid_env.checks import ArgumentError, FloatArray, reject
-
-# Of columns that are named by where they point.
-COMPASS = r"(?:.*_)?(?:e|n|\w*(?:east|north|nord)\w*|ost|utm_[xy]|rechtswert|hochwert)"
-# Only a log of PX4 has these beside vx, vy and z.
-AUTOPILOT = {"xy_valid", "xy_global", "ref_lat", "delta_heading", "dist_bottom", "z_deriv"}
-# Distances of the surface and of aircraft from the centre of the earth [m].
-EARTH = 6.3e6, 6.45e6
+from hybrid_env.checks import FloatArray, reject
 
 
 def frame_of(
@@ -36,7 +28,9 @@ def frame_of(
     if given == "ecef" and "z" not in roles:
         raise reject("frame", given, f"x, y and z: {table.file} has no z ({table.listed()})")
     name = split_unit(table.names[roles["x"]])[0]
-    if re.fullmatch(COMPASS, name):
+    # Of columns that are named by where they point.
+    compass = r"(?:.*_)?(?:e|n|\w*(?:east|north|nord)\w*|ost|utm_[xy]|rechtswert|hochwert)"
+    if re.fullmatch(compass, name):
         if given not in (None, "enu"):
             raise reject("frame", given, f"enu, as {table.file} has a column {name}")
         return "enu"
@@ -50,11 +44,14 @@ def frame_of(
     if len(places):
         height, distance = np.median(places[:, 2]), np.median(np.linalg.norm(places, axis=1))
     flown = {"vx", "vy", "z"} <= {name.rpartition("_")[2] for name in known}
-    if "ned" in words or (flown and (height < 0.0 or AUTOPILOT & known)):
+    # Only a log of PX4 has these beside vx, vy and z.
+    autopilot = {"xy_valid", "xy_global", "ref_lat", "delta_heading", "dist_bottom", "z_deriv"}
+    if "ned" in words or (flown and (height < 0.0 or autopilot & known)):
         return "ned"
     if pixels or words & {"pixel", "px", "image", "img"}:
         return "image"
-    if EARTH[0] < distance < EARTH[1]:
+    # Distances of the surface and of aircraft from the centre of the earth [m].
+    if 6.3e6 < distance < 6.45e6:
         return "ecef"
     return "enu" if "enu" in words else None
 
@@ -73,21 +70,3 @@ def turned(values: FloatArray, frame: str | None) -> tuple[FloatArray, str]:
     if frame == "image":
         return values[:, :2] * [1.0, -1.0], "y points down (pixels), written with the other sign"
     return values[:, :2], "" if frame else "x east, y north is assumed: left is counter-clockwise"
-
-
-def of_zones(table: Table, zones: pd.Series, values: FloatArray) -> FloatArray | None:
-    """Return longitudes and latitudes (n, 2) [deg] of UTM positions in several zones, such as 32N;
-    None in a single one.
-    """
-    parts = zones.str.extract(r"^(\d{1,2})\s*([A-Za-z]?)")
-    if parts[0].nunique() < 2:
-        return None
-    degrees = np.full(values.shape, np.nan)
-    for (zone, band), rows in parts.groupby([0, 1]).indices.items():
-        if not 1 <= int(zone) <= 60:
-            raise ArgumentError(f"{table.file}: zone {zone} is not allowed: expected 1 to 60")
-        # Bands from N are in the north; S is one of these, and the word south.
-        plane = pyproj.Proj(proj="utm", zone=int(zone), south="A" <= band.upper() < "N")
-        east, north = values[rows].T
-        degrees[rows] = np.column_stack(plane(east, north, inverse=True))
-    return degrees

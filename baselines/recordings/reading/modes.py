@@ -20,8 +20,6 @@ from baselines.recordings.reading.table import REPEATED
 from baselines.recordings.recording import dates_since
 from hybrid_env.checks import ArgumentError, FloatArray, reject
 
-WORDS = ("straight", "left", "right")
-
 
 class ModeFile(NamedTuple):
     """What was read of a file, by the name of each track."""
@@ -52,7 +50,8 @@ class ModeFile(NamedTuple):
             allowed = f"every track of the truth, also {missing[0]}"
             raise reject(f"tracks of {name}", list(self.times), allowed)
         true = {mode for modes in truth.modes.values() for mode in modes if mode}
-        words = {word[0].upper(): word for word in true if word.lower() in WORDS}
+        turns = "straight", "left", "right"
+        words = {word[0].upper(): word for word in true if word.lower() in turns}
         letters = {letter: word for letter, word in words.items() if letter not in true}
         return ModeFile(
             {track: self.times[here] for track, here in tracks.items()},

@@ -39,13 +39,13 @@ ROLES = {
     ),
     # Of earth-centred, earth-fixed positions; otherwise the altitude.
     "z": "z pos_z z_pos posz position_z z_position pz ecef_z z_ecef z_ned ned_z",
+    "zone": "utm_zone zone zone_number utm_zone_number",
     # Latitude and longitude in one cell.
     "position": (
         "position positions pos coordinate coordinates coords location latlon latlng lat_lon"
         " lat_lng lat_long latitude_longitude gps gps_position gps_coordinates koordinaten"
         " coordonnées coordenadas wkt geom geometry"
     ),
-    "zone": "utm_zone zone zone_number utm_zone_number",
     "lat": (
         "lat latitude lats latitudes location_lat position_lat gps_lat gps_latitude latitudee7"
         " breite breitengrad geo_breite latitud latitudine breedtegraad szerokosc bredde"
@@ -107,7 +107,6 @@ SECONDS = {
 """Units of time [s]."""
 
 DEGREES = ("deg", "degree", "degrees", "°")
-LENGTHS = "m km cm mm um ft yd mi nmi px pixel pixels rad mrad mil mils gon grad"
 FRAMES = "enu", "ned", "image", "ecef"
 """Where x and y point: x east and y north; x north and y east; y down; from the earth's centre."""
 
@@ -141,7 +140,8 @@ def _split(name: str) -> tuple[str, str | None]:
     plain = plain_name(re.sub(r"(?i)(?<=\w) +(n/s|e/w)$", "", name))
     if plain in ROLE_OF:
         return plain, plain if plain in SECONDS else None
-    known = {*LENGTHS.split(), *SECONDS, *DEGREES}
+    lengths = "m km cm mm um ft yd mi nmi px pixel pixels rad mrad mil mils gon grad"
+    known = {*lengths.split(), *SECONDS, *DEGREES}
     match = re.fullmatch(r"(.+?)\s*(?:\[(.*)\]|\((.*)\)|/\s*(\w+))", name)
     if match and (match[4] is None or match[4].lower() in known):
         return plain_name(match[1]), "".join(filter(None, match.groups()[1:])).strip() or None

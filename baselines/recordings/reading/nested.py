@@ -14,9 +14,6 @@ from hybrid_env.checks import ArgumentError
 
 # Elements of XML that are positions, of GPX, TCX and the floating car data of SUMO.
 POINTS = "trkpt", "Trackpoint", "vehicle", "person"
-# Roles of what stands inside of them.
-WANTED = "time", "lat", "lon", "valid", "dilution"
-CONVERT = "convert it to GPX, for example by gpsbabel or by ogr2ogr -f GPX"
 
 
 def rows_of_xml(text: str, file: str) -> pd.DataFrame:
@@ -30,6 +27,8 @@ def rows_of_xml(text: str, file: str) -> pd.DataFrame:
     # What is known of all points that follow.
     outer: dict[str, Any] = {"segment": 0}
     tracks = 0
+    # Roles of what stands inside of them.
+    wanted = "time", "lat", "lon", "valid", "dilution"
     for element in root.iter():
         kind = _plain(element.tag)
         if kind in ("trk", "Placemark"):
@@ -44,11 +43,12 @@ def rows_of_xml(text: str, file: str) -> pd.DataFrame:
         elif kind in POINTS:
             leaves = {_plain(leaf.tag): leaf.text for leaf in element.iter() if not len(leaf)}
             # Other leaves, such as a heart rate, are no columns.
-            known = {name: cell for name, cell in leaves.items() if role_of(name) in WANTED}
+            known = {name: cell for name, cell in leaves.items() if role_of(name) in wanted}
             rows.append(outer | element.attrib | known)
+    convert = "convert it to GPX, for example by gpsbabel or by ogr2ogr -f GPX"
     if not rows:
         kinds = "points of a track of GPX, TCX, KML (gx:Track) or SUMO"
-        raise ArgumentError(f"{file}: XML without {kinds}: {CONVERT}")
+        raise ArgumentError(f"{file}: XML without {kinds}: {convert}")
     return pd.DataFrame(rows)
 
 

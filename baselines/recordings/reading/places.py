@@ -6,8 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from baselines.recordings.reading import cleaning
-from baselines.recordings.reading.frames import frame_of, of_zones, turned
+from baselines.recordings.reading.frames import frame_of, turned
 from baselines.recordings.reading.names import DEGREES, VOID, role_of, split_unit
 from baselines.recordings.reading.table import Table
 from baselines.recordings.reading.values import (
@@ -20,9 +19,6 @@ from baselines.recordings.reading.values import (
 from baselines.recordings.scatter import noise_deviations
 from hybrid_env.checks import ArgumentError, BoolArray, FloatArray, IntArray, reject
 from hybrid_env.sensors import Radar
-
-# Of a sensor that had no position.
-WITHOUT_FIX = "false", "v", "no", "invalid", "void", "none", "no fix", "nofix", "n"
 
 
 class Places(NamedTuple):
@@ -85,8 +81,8 @@ def read_positions(
     else:
         values, degrees = _on_the_plane(table, roles, values, unit, frame)
     wrong |= (np.abs(values) > ([360.0, 90.0] if degrees else 1e12)).any(axis=1)
-    values[wrong] = np.nan
-    wrong |= cleaning.fill_values(values)
+    # Loggers write 0, -1 or 99 for both where they have no position.
+    wrong |= degrees & (values[:, 0] == values[:, 1])
     values[wrong] = np.nan
     return Places(values, wrong, _void_rows(table), "m" if degrees else unit, degrees)
 
@@ -116,11 +112,10 @@ def _on_the_plane(
     """Return positions (n, 2) with x east and y north, and whether they are degrees now."""
     scale = 1e3 if unit == "km" else 1.0
     found = frame_of(table, roles, values * scale, frame, str(unit).startswith(("px", "pixel")))
-    if "zone" in roles:
-        degrees = of_zones(table, texts_of(table.frame[roles["zone"]]), values[:, :2] * scale)
-        if degrees is not None:
-            table.notes.append("UTM positions of several zones")
-            return degrees, True
+    if "zone" in roles and table.frame[roles["zone"]].nunique() > 1:
+        raise ArgumentError(
+            f"{table.file}: UTM positions of several zones: expected longitudes and latitudes"
+        )
     values, said = turned(values * scale if found == "ecef" else values, found)
     table.notes += [said] * bool(said)
     if found != "ecef":
@@ -134,6 +129,8 @@ def _void_rows(table: Table) -> BoolArray:
     something else.
     """
     void = np.zeros(len(table.frame), np.bool_)
+    # Of a sensor that had no position.
+    without_fix = "false", "v", "no", "invalid", "void", "none", "no fix", "nofix", "n"
     for column, name in enumerate(table.names):
         role = role_of(name)
         if role not in VOID:
@@ -143,7 +140,7 @@ def _void_rows(table: Table) -> BoolArray:
         numbers = [] if "status" in name.lower() else ["0", "0.0"]
         # Of an autopilot, 2 and 3 are the dimensions of a fix.
         numbers += ["1"] * ("type" in name.lower())
-        without = cells.isin([*WITHOUT_FIX, *numbers]).to_numpy()
+        without = cells.isin([*without_fix, *numbers]).to_numpy()
         if role == "dilution":
             without = (pd.to_numeric(cells, errors="coerce") >= 50.0).to_numpy()
         void |= without & (without.mean() < 0.5)

@@ -13,39 +13,6 @@ from hybrid_env.checks import AnyArray, BoolArray, FloatArray, reject
 Cells: TypeAlias = pd.Series
 
 DAY = 86400.0
-# Seconds since 1970 of the years 1990 to 2103.
-YEARS = 6.3e8, 4.2e9
-# Nine years from the others a clock is not set.
-FAR_CLOCK = 3e8
-# A time of day, or a date, also with a time of day, as a number: 101500.25 or 20260501101500.
-DIGITS = r"(?:\d{6}|(?:19|20)\d{6}(?:\d{6})?)(?:\.\d+)?"
-
-# Of latitude and longitude in one cell.
-BOTH = (
-    r"^(?P<lat>[^NSEW]+[NS])[\s,;/]*(?P<lon>[^NSEW]+[EW])$",
-    r"^(?P<lat>[NS][^NSEW]+?)[\s,;/]*(?P<lon>[EW][^NSEW]+)$",
-    r"^POINT\s*Z?\s*\(\s*(?P<lon>[^\s)]+)\s+(?P<lat>[^\s)]+)",
-    r"^[(\[]?(?P<lat>[^\s,;()]+)(?:[,;]\s*|\s+)(?P<lon>[^\s,;()]+)[)\]]?$",
-)
-
-CLOCKS = (
-    *("%H:%M:%S", "%H:%M:%S.%f", "%H:%M", "%H%M%S", "%H%M%S.%f"),
-    *("%I:%M:%S %p", "%I:%M:%S.%f %p", "%I:%M %p"),
-)
-DAYS = (
-    *(
-        f"{day}{mark}%{year}"
-        for year in "Yy"
-        for mark in "/.-"
-        for day in (f"%d{mark}%m", f"%m{mark}%d")
-    ),
-    *("%d-%b-%Y", "%d %b %Y", "%Y%m%d", "%y%m%d", "%d%m%y"),
-)
-FORMS = (
-    *("%Y%m%d%H%M%S", "%Y%m%d%H%M%S.%f", *CLOCKS, *DAYS),
-    *(f"{day} {clock}" for day in DAYS for clock in CLOCKS),
-)
-"""Formats that are recognised beside ISO 8601."""
 
 
 class Times(NamedTuple):
@@ -123,7 +90,14 @@ def parted_places(cells: Cells) -> tuple[Cells, Cells]:
     `33°53'59"S 151°12'0"E` or `POINT (9.2 47.1)`.
     """
     texts = texts_of(cells)
-    parts = [texts.str.extract(form) for form in BOTH]
+    # Of latitude and longitude in one cell.
+    both = (
+        r"^(?P<lat>[^NSEW]+[NS])[\s,;/]*(?P<lon>[^NSEW]+[EW])$",
+        r"^(?P<lat>[NS][^NSEW]+?)[\s,;/]*(?P<lon>[EW][^NSEW]+)$",
+        r"^POINT\s*Z?\s*\(\s*(?P<lon>[^\s)]+)\s+(?P<lat>[^\s)]+)",
+        r"^[(\[]?(?P<lat>[^\s,;()]+)(?:[,;]\s*|\s+)(?P<lon>[^\s,;()]+)[)\]]?$",
+    )
+    parts = [texts.str.extract(form) for form in both]
     read = functools.reduce(pd.DataFrame.combine_first, parts)
     return read["lat"], read["lon"]
 
@@ -187,7 +161,9 @@ def _of_texts(cells: Cells, texts: Cells, unit: str | None) -> Times:
     values, wrong, _ = parse_numbers(cells)
     if wrong.mean() > 0.5:
         return _recognised(texts)
-    if unit is None and texts.str.fullmatch(DIGITS).all():
+    # A time of day, or a date, also with a time of day, as a number: 101500.25 or 20260501101500.
+    digits = r"(?:\d{6}|(?:19|20)\d{6}(?:\d{6})?)(?:\.\d+)?"
+    if unit is None and texts.str.fullmatch(digits).all():
         times = _recognised(texts)
         # The steps of a clock such as 101559 jump at each minute, of which none has 60 seconds.
         uneven = (np.diff(values, n=2) != 0.0).any()
@@ -214,11 +190,13 @@ def _from_numbers(values: FloatArray, unit: str | None) -> Times:
     middle = float(np.median(known))
     step = np.median(np.diff(np.unique(known), append=np.inf))
     large = unit is None and len(known) >= 20 and step >= 1e4 and not (known % 1.0).any()
+    # Seconds since 1970 of the years 1990 to 2103.
+    first, last = 6.3e8, 4.2e9
     for word in ("seconds", "milliseconds", "microseconds", "nanoseconds"):
         scale = SECONDS[word]
         # Dates hours apart are whole minutes; microseconds since a start are not.
         since_start = word == "seconds" and large and (np.diff(known) % 60.0).any()
-        dated = SECONDS[unit or word] == scale and YEARS[0] <= middle * scale <= YEARS[1]
+        dated = SECONDS[unit or word] == scale and first <= middle * scale <= last
         if dated and not since_start:
             return since_1970(values * scale, f"{word} since 1970")
     if large:
@@ -236,7 +214,8 @@ def since_1970(seconds: FloatArray, kind: str) -> Times:
     known = np.sort(seconds[~np.isnan(seconds)])
     if not len(known):
         return Times(seconds, None, kind)
-    far = np.abs(seconds - known[(len(known) - 1) // 2]) > FAR_CLOCK
+    # Nine years from the others a clock is not set.
+    far = np.abs(seconds - known[(len(known) - 1) // 2]) > 3e8
     seconds = np.where(far, np.nan, seconds)
     start = float(np.nanmin(seconds))
     epoch = pd.Timestamp(round(start * 1e6), unit="us").isoformat() + "Z"
@@ -260,8 +239,19 @@ def _recognised(texts: Cells) -> Times:
         return share, last <= now, dates.min() - last, last.year
 
     marks = set(sample.str.replace(r"\w+", "", regex=True))
-    forms = [form for form in FORMS if re.sub(r"%\w", "", form) in marks]
+    forms = [form for form in _forms() if re.sub(r"%\w", "", form) in marks]
     return _formed(texts, max(["ISO8601", *forms], key=rank))
+
+
+def _forms() -> list[str]:
+    """Return the formats that are recognised beside ISO 8601."""
+    clocks = ["%H:%M:%S", "%H:%M:%S.%f", "%H:%M", "%H%M%S", "%H%M%S.%f"]
+    clocks += ["%I:%M:%S %p", "%I:%M:%S.%f %p", "%I:%M %p"]
+    orders = "%d{0}%m{0}%Y", "%m{0}%d{0}%Y", "%d{0}%m{0}%y", "%m{0}%d{0}%y"
+    days = [order.format(mark) for order in orders for mark in "/.-"]
+    days += ["%d-%b-%Y", "%d %b %Y", "%Y%m%d", "%y%m%d", "%d%m%y"]
+    whole = ["%Y%m%d%H%M%S", "%Y%m%d%H%M%S.%f"]
+    return [*whole, *clocks, *days, *(f"{day} {clock}" for day in days for clock in clocks)]
 
 
 def _formed(texts: Cells, form: str) -> Times:

@@ -1,9 +1,6 @@
 """The page of an episode: what it shows at a tick, and that a browser draws it."""
 
 import json
-import re
-import shutil
-import subprocess
 
 import gymnasium as gym
 import numpy as np
@@ -90,61 +87,6 @@ def test_the_page_shows_at_every_tick_what_a_rollout_has_there(tmp_path, env_id)
                 assert [row["right"][at - 1], row["delays"][at - 1]] == outcome
 
 
-def test_a_delay_of_statements_counts_until_the_first_right_one(tmp_path):
-    episode = data_of(written(tmp_path, STATED, ("threshold",)))
-    true, (row,) = episode["modes"], episode["deciders"]
-    waited, is_right = 0, False
-    for tick, (now, stated) in enumerate(zip(true, row["modes"], strict=True)):
-        if tick and now != true[tick - 1]:
-            waited, is_right = 0, False
-        is_right |= now == stated
-        waited += not is_right
-        assert row["delays"][tick] == waited
-    assert max(row["delays"]) > 0
-
-
 def test_several_deciders_need_a_page(tmp_path):
     with pytest.raises(ArgumentError, match=r"deciders=.*FILE\.html"):
         Play(deciders=("ate", "sprt"), out=tmp_path / "episode.png").run()
-
-
-@pytest.mark.study
-@pytest.mark.parametrize("width", [500, 1200])
-@pytest.mark.parametrize("env_id", [DECLARED, STATED])
-def test_a_browser_draws_the_page(tmp_path, env_id, width):
-    names = ("chromium", "chromium-browser", "google-chrome")
-    browser = next(filter(None, map(shutil.which, names)), None)
-    if browser is None:
-        pytest.skip(f"no browser is installed: none of {', '.join(names)}")
-    path, tick = written(tmp_path, env_id), 30
-    episode = data_of(path)
-    flags = ("--headless", "--no-sandbox", "--disable-gpu", "--dump-dom")
-    page = subprocess.run(
-        [
-            browser,
-            *flags,
-            f"--user-data-dir={tmp_path / 'profile'}",
-            f"--window-size={width},1000",
-            "--virtual-time-budget=5000",
-            f"{path.as_uri()}#{tick}",
-        ],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=True,
-    ).stdout
-
-    # The script has run: the tick, and the rows of the table.
-    assert f"tick {tick} of {len(episode['modes'])}</output>" in page
-    for row in episode["deciders"]:
-        cells = rf">{re.escape(row['name'])}</td>.*?<td>{row['delays'][tick - 1]}</td>"
-        assert re.search(rf"{cells}<td>{row['rewards'][tick - 1]:.2f}</td>", page)
-    # Measurements, and decisions in two plots; curves, true and decided modes; in the window.
-    marks = [mark for row in episode["deciders"] for mark in row["marks"] if mark < tick]
-    assert len(re.findall(r'<path class="point\b', page)) == tick + 2 * len(marks)
-    curves = (len(episode["names"]) + 2) * len(episode["deciders"])
-    assert len(re.findall(r'class="js-line"', page)) >= curves
-    widths = [float(text) for text in re.findall(r'<svg class="main-svg"[^>]* width="(\d+)', page)]
-    assert len(widths) >= 2
-    # The narrowest window of Chromium; a wide one has the plots beside each other.
-    assert 200 < max(widths) <= {500: 500, 1200: 600}[width]

@@ -3,12 +3,9 @@
 import functools
 import os
 import signal
-import sys
-from types import SimpleNamespace
 
 from joblib.externals.loky import get_reusable_executor
 
-from agents.interface import parallel
 from agents.interface.parallel import Workers
 from agents.interface.world_arguments import trusted, trusting
 
@@ -61,29 +58,3 @@ def test_workers_trust_what_the_command_trusts_and_no_longer():
             assert {trusts for _, trusts in Workers(jobs=2).results(calls)} == {trust}
 
     assert not trusted()
-
-
-def test_a_ray_cluster_has_few_calls_at_a_time(monkeypatch):
-    waited = []
-
-    def wait(running):
-        waited.append(len(running))
-        return running[-1:], running[:-1]
-
-    errors = dict.fromkeys(("RayTaskError", "WorkerCrashedError", "NodeDiedError"), OSError)
-    ray = SimpleNamespace(
-        is_initialized=lambda: True,
-        remote=lambda **_: (
-            lambda work: SimpleNamespace(remote=functools.partial(functools.partial, work))
-        ),
-        wait=wait,
-        get=lambda call: call(),
-        exceptions=SimpleNamespace(**errors),
-    )
-    monkeypatch.setitem(sys.modules, "ray", ray)
-    monkeypatch.setattr(parallel, "WINDOW", 4)
-    calls = {number: functools.partial(divmod, number, 3) for number in range(10)}
-    results = Workers(engine="ray").results(calls)
-
-    assert list(results) == [(number, divmod(number, 3)) for number in range(10)]
-    assert waited == [4] * 7 + [3, 2, 1]

@@ -45,16 +45,6 @@ def display(clock, monkeypatch):
     return display
 
 
-def test_lines_come_within_two_seconds_and_then_every_ten(display, clock, capsys):
-    display.add_task("Training ppo", total=100, note="")
-
-    lines, waited = lines_of(display, clock, 3, capsys)
-    assert waited[0] <= 1.0
-    assert waited[1:] == [10.0] * 3
-    assert [line.split(" ")[0] for line in lines] == ["0:00:00", "0:00:10", "0:00:20"]
-    assert all(line.endswith("Training ppo: 0 %") for line in lines)
-
-
 def test_the_time_left_passes_between_two_updates(display, clock, capsys):
     bar = display.add_task("Scoring ATE", total=4, note="")
     clock.now += 30.0
@@ -123,21 +113,3 @@ def test_what_is_read_while_a_call_reports_is_never_half_a_line(tmp_path):
     thread.join()
 
     assert read == {("Scoring ATE", 0.123456789, 0.987654321)}
-
-
-def test_a_report_without_a_folder_writes_nothing(tmp_path):
-    Report(tmp_path / "no" / "folder")("Scoring ATE", 0.5, 0.5)
-
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_terminal_shows_the_same_time_left(clock):
-    console = Console(file=io.StringIO(), force_terminal=True, width=100)
-    display = progress_display(console, clock=clock)
-    bar = display.add_task("Scoring ATE", total=4, note="")
-    clock.now += 30.0
-    display.update(bar, completed=1)
-    console.print(display)
-
-    assert "Scoring ATE" in console.file.getvalue()
-    assert "0:01:30 left" in console.file.getvalue()

@@ -51,17 +51,6 @@ def test_at_threshold_zero_the_most_probable_action_is_chosen(kind):
     np.testing.assert_array_equal(actions, policy.predict(rows, deterministic=True)[0])
 
 
-def test_sampling_follows_the_probabilities_of_the_policy():
-    decider = random_decider(PolicyDecider)
-    rows = np.repeat(random_rows(PolicyDecider, 1), 40_000, 0)
-    logits = decider.logits(rows[:1])[0][0]
-    expected = np.exp(logits) / np.exp(logits).sum()
-    actions, _ = decider.predict(rows, deterministic=False)
-    shares = np.bincount(actions, minlength=len(expected)) / len(rows)
-
-    np.testing.assert_allclose(shares, expected, atol=4 * 0.5 / np.sqrt(len(rows)))
-
-
 @pytest.mark.parametrize("margin", [0.05, 100.0])
 def test_a_statement_changes_if_the_log_odds_exceed_the_margin(margin):
     decider = random_decider(StatementPolicyDecider, margin)

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 import torch
 
-from agents.learned.statement_decider import PRIOR, StatementDecider, habit_inputs
-from agents.learned.statement_net import StatementNet, statement_inputs
+from agents.learned.statement_decider import StatementDecider, habit_inputs
+from agents.learned.statement_net import StatementNet
 from baselines import ThresholdDecider, record_statements
 from baselines.rules.measurements import OBSERVED
 from hybrid_env import HybridTrackQuickestVectorEnv, QuickestLayout, QuickestOptions
-from studies.shifts.worlds import RHYTHMS
 
 HABITS = pytest.mark.parametrize("habits", [False, True])
 TRACKS = 8
@@ -50,34 +49,6 @@ def stated_again(decider, seen):
         actions, state = decider.predict(rows, state)
         stated.append(actions)
     return np.array(stated)
-
-
-@HABITS
-def test_one_tick_at_a_time_equals_all_at_once(habits):
-    options = QuickestOptions(ticks=80, radii=(2.0, 5.0), durations="drawn", transitions="drawn")
-    decider = random_decider(habits, options)
-    env = HybridTrackQuickestVectorEnv(TRACKS, **vars(options))
-    env.reset(seed=5)
-    state = decider.initial_state(TRACKS)
-    features = []
-    logs = []
-    for _ in range(80):
-        each, log_probability, state = decider.features(decider.observe(env.world), state, None)
-        features.append(each)
-        logs.append(torch.from_numpy(log_probability))
-        env.step(np.zeros(TRACKS, np.int64))
-    inputs = statement_inputs(options, *(np.stack(part) for part in zip(*features, strict=True)))
-    with torch.no_grad():
-        outputs = decider.net(torch.from_numpy(inputs), torch.stack(logs))
-    utility, stay = outputs.utility.numpy(), outputs.stay.numpy()
-    stated = utility[0].argmax(-1)
-    recorded = record_statements(decider, TRACKS, 5, **vars(options))
-
-    np.testing.assert_array_equal(recorded.stated_modes[0], stated)
-    for tick in range(1, 80):
-        utility[tick, np.arange(TRACKS), stated] += stay[tick]
-        stated = utility[tick].argmax(-1)
-        np.testing.assert_array_equal(recorded.stated_modes[tick], stated)
 
 
 @HABITS
@@ -127,19 +98,6 @@ def test_a_change_of_units_changes_no_statement(habits):
     assert (stated_again(random_decider(habits, other), scaled) != stated).sum() <= 1
 
 
-def test_an_episode_that_begins_is_not_remembered():
-    options = QuickestOptions()
-    decider = random_decider(False, options)
-    _, rows = statements_of(decider, options, ticks=40)
-    _, state = decider.predict(rows[30])
-    start = np.arange(TRACKS) % 2 == 0
-    fresh, _ = decider.predict(rows[5])
-    again, after = decider.predict(rows[5], state, start)
-
-    np.testing.assert_array_equal(again[start], fresh[start])
-    assert (after.age[start] == 1).all()
-
-
 def test_an_untrained_network_is_the_threshold_rule():
     # No utility of keeping the statement.
     margin = -float(np.log1p(np.exp(2.0)))
@@ -168,8 +126,3 @@ def test_inputs_of_habits_are_sums_over_the_histories_of_the_beam():
             of_mode = weights * (branches.histories["mode"][track, alive] == mode)
             age = of_mode @ branches.histories["age"][track, alive] / np.exp(logs[track, mode])
             assert inputs[track, mode, 4] == pytest.approx(np.log(max(age, 1.0)) / 5.0, abs=1e-5)
-
-
-def test_no_reported_rhythm_is_in_the_prior():
-    laws = {str(law) for law in PRIOR.laws}
-    assert not laws & {world.get("durations", "") for world in RHYTHMS.values()}

@@ -18,8 +18,7 @@ def measured(recording, position):
     return {0: (distance, np.radians(90.0 - azimuth))}
 
 
-@pytest.mark.parametrize("losses", [{}, LOSSES], ids=["clean", "rough"])
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(("name", "losses"), [("drone", {}), *((name, LOSSES) for name in NAMES)])
 def test_live_and_from_a_file_the_decisions_are_the_same(name, losses, tmp_path):
     rows = make(name, 11, **losses)
     for recording in read_recordings(write(rows, tmp_path)).recordings:

@@ -7,18 +7,15 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 import pytest
-from pyproj import Geod
 from recorded_tracks import OBJECTS
 
 from agents.cli import main
-from agents.recordings.maps import map_figure
 from agents.recordings.tracking import track_recording
 from baselines.recordings.projection import Projection
 from baselines.recordings.reading.read import read_recordings
 from baselines.recordings.tracker import OnlineTracker
 
 PLACES = {"walker": (47.5, 8.5), "aircraft": (-17.0, 179.999)}
-EARTH = Geod(ellps="WGS84")
 
 
 @pytest.fixture(scope="module")
@@ -84,18 +81,6 @@ def test_results_are_joined_by_the_times_of_the_file_and_scored(folder, name):
     figures = scored(folder, f"{name}-truth.csv", f"{name}_track/estimates.csv")
     assert figures["estimates"]["agreement"]["value"] == pytest.approx(right)
     assert right > 0.85
-
-
-@pytest.mark.parametrize("name", PLACES)
-def test_distances_on_the_earth_are_those_on_the_plane(folder, name):
-    rows = written(folder, name)[0].dropna(subset=["x", "estimate_x"])
-    measured = rows["lon"], rows["lat"]
-    estimated = rows["estimate_lon"], rows["estimate_lat"]
-    _, _, apart = EARTH.inv(*measured, *estimated)
-    plane = np.hypot(rows["x"] - rows["estimate_x"], rows["y"] - rows["estimate_y"])
-
-    # Degrees have nine decimals.
-    np.testing.assert_allclose(apart, plane, rtol=1e-4, atol=1e-3)
 
 
 def test_pieces_have_the_times_and_places_of_their_rows(folder):
@@ -258,21 +243,6 @@ def test_the_map_is_in_degrees_and_dates(folder):
     assert layout["map"]["center"]["lat"] == pytest.approx(-17.0, abs=1.0)
 
 
-def test_positions_on_a_plane_have_a_figure_in_their_unit(drive):
-    figure = map_figure(track_recording(*drive))
-    measured, *lines = figure.data[:4]
-    areas = figure.data[4:]
-
-    assert {trace.type for trace in figure.data} == {"scattergl", "scatter"}
-    np.testing.assert_array_equal(measured.x, drive[1][:, 0])
-    assert [line.name for line in lines] == ["S", "L", "R"]
-    assert figure.layout.yaxis.scaleanchor == "x"
-    sums = np.sum([area.y for area in areas], axis=0)
-    np.testing.assert_allclose(sums[1:-1], 1.0)
-    # The areas end with the track.
-    assert sums[[0, -1]].tolist() == [0.0, 0.0]
-
-
 @pytest.mark.parametrize("kind", ["gpx", "geojson"])
 def test_a_plane_is_refused_where_degrees_are_needed(tmp_path, capsys, kind, drive):
     times, run = drive
@@ -284,21 +254,3 @@ def test_a_plane_is_refused_where_degrees_are_needed(tmp_path, capsys, kind, dri
     [line] = capsys.readouterr().err.splitlines()
     assert f"--{kind} needs latitude and longitude" in line
     assert list(tmp_path.iterdir()) == [path]
-
-
-def test_a_projection_and_its_inverse_agree():
-    centre = PLACES["aircraft"]
-    projection = Projection(*centre)
-    latitudes = np.array([-17.3, -16.8, -17.0])
-    longitudes = np.array([179.5, -179.6, 179.999])
-    positions = projection.forward(latitudes, longitudes)
-    ones = np.ones(3)
-    _, _, distances = EARTH.inv(centre[1] * ones, centre[0] * ones, longitudes, latitudes)
-
-    np.testing.assert_allclose(np.hypot(*positions.T), distances, atol=1e-6)
-    back = projection.inverse(*positions.T)
-    np.testing.assert_allclose(back.T, [latitudes, longitudes], atol=1e-9)
-    np.testing.assert_array_equal(projection.forward(-17.3, 179.5), positions[0])
-    np.testing.assert_array_equal(projection.inverse(*positions[0]), back[0])
-    assert np.isnan(projection.inverse([np.nan], [0.0])).all()
-    assert np.isnan(projection.forward([0.0], [np.nan])).all()

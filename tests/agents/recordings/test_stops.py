@@ -13,9 +13,8 @@ from baselines import OnlineTracker
 from baselines.recordings.recording import make_recording
 from baselines.recordings.scatter import without_standing
 from baselines.recordings.ticks import tick_grid
-from baselines.recordings.track_modes import in_units
 from hybrid_env.checks import ArgumentError
-from hybrid_env.modes import Accelerate, LinearMode, Turn, TurnRate
+from hybrid_env.modes import LinearMode
 
 # Speed, tick, deviation of the noise, smallest share of right rows, and parts: mode, ticks, and
 # radius of a turn, or change of the heading before the part [rad].
@@ -100,17 +99,7 @@ def test_stops_are_found(name):
     assert "modes" in tracked.model.estimated
 
 
-def test_stops_are_found_beside_given_radii_that_are_close_to_the_noise():
-    times, positions, modes = recorded("walker")
-
-    tracked = track_recording(times, positions, radii=(1.2, 10.0))
-
-    assert tracked.mode_names()[-1] == "stop"
-    assert np.mean(tracked.of_modes(tracked.modes)[0] == modes) > OBJECTS["walker"][3]
-
-
-@pytest.mark.parametrize("name", ["walker", "robot", "ship"])
-@pytest.mark.parametrize("ticks", [5, 10, 20])
+@pytest.mark.parametrize(("name", "ticks"), [("walker", 5), ("robot", 10), ("ship", 20)])
 def test_short_stops_are_found(name, ticks):
     """Also by a sensor that is off for a while after every 60 rows, so that pieces are short."""
     speed, tau, deviation, _, parts = OBJECTS[name]
@@ -147,19 +136,6 @@ def test_an_object_that_is_slow_for_a_moment_does_not_stop(kind):
     assert track_recording(None, positions).mode_names() == ["S", "L", "R"]
 
 
-def test_a_car_brakes_at_lights_and_drives_on():
-    parts = [("S", 100, 0.0), ("stop", 40, 0.0), ("S", 100, 0.0), ("L", 16, 100.0)]
-    parts += [("S", 90, 0.0), ("stop", 60, 0.0), ("S", 90, 0.0), ("R", 16, 100.0), ("S", 90, 0.0)]
-    positions, modes = travel(parts, 14.0, 2.0)
-    positions += np.random.default_rng(3).normal(0.0, 2.0, positions.shape)
-
-    tracked = track_recording(None, positions)
-
-    letters, _ = tracked.of_modes(tracked.modes)
-    assert np.mean((letters == modes)[modes != ""]) > 0.9
-    assert np.mean((letters == "stop")[modes == "stop"]) > 0.95
-
-
 @pytest.mark.parametrize("scale", [1e-3, 1e3])
 def test_stops_do_not_depend_on_the_units(scale):
     times, positions, _ = recorded("walker")
@@ -168,17 +144,6 @@ def test_stops_do_not_depend_on_the_units(scale):
 
     assert (modes[0] == track_recording(times, positions).modes).all()
     assert (modes[0] == modes[1]).all()
-
-
-def test_without_stops_there_is_no_such_mode():
-    positions, modes = travel([("S", 100, 0.0), ("L", 40, 8.0), ("S", 100, 0.0)], 1.2)
-    positions += np.random.default_rng(2).normal(0.0, 0.3, positions.shape)
-
-    tracked = track_recording(None, positions)
-
-    assert tracked.mode_names() == ["S", "L", "R"]
-    assert not tracked.model.modes
-    assert np.mean(tracked.of_modes(tracked.modes)[0] == modes) > 0.9
 
 
 def test_a_decider_of_turns_leaves_the_stops_out():
@@ -268,22 +233,6 @@ def test_a_recording_of_an_oscillator_is_tracked_by_linear_modes(tmp_path):
     live = [tracker.update(point) for point in measured]
     np.testing.assert_allclose(live[-1].estimate, tracked.estimates[-1])
     assert [now.mode for now in live[-50:]] == tracked.modes[-50:].tolist()
-
-
-@pytest.mark.parametrize("mode", [Turn(-3.0), TurnRate(0.2), Accelerate(0.7)])
-def test_a_mode_moves_alike_in_other_units(mode):
-    """An hour and a kilometre for a second and a metre."""
-    length, velocity = 1e-3, 3.6
-    there = in_units(mode, length, velocity, 2.0, 1.0)
-    state = np.array([3.0, 1.0, -2.0, 0.5])
-    if mode.signed_radius:
-        assert there.radius == pytest.approx(length * mode.radius)
-    elif mode.starting_acceleration:
-        assert there.acceleration == pytest.approx(velocity * 3600.0 * mode.acceleration)
-    else:
-        units = np.array([length, velocity] * 2)
-        moved = there.matrices(2.0 / 3600.0)[0] @ (units * state)
-        np.testing.assert_allclose(moved, units * (mode.matrices(2.0)[0] @ state))
 
 
 def test_pieces_begin_where_the_motion_begins_to_change():

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from baselines.estimation.pieces import PIECE_TICKS, PieceSmoother
-from baselines.recordings.track_modes import in_units
 from hybrid_env import simulate
 from hybrid_env.modes import motion_table, parse_modes
 
@@ -92,18 +91,3 @@ def test_estimates_along_turns_are_calibrated(freedom):
         assert abs(turns[30, 2] - 60.0) < 4.0 * turns[30, 3] < 60.0
     # Of four numbers; the errors of neighbours are alike.
     assert 3.0 < np.mean(squares) < 5.0
-
-
-def test_a_turn_after_a_stop_has_its_speed():
-    tau, speed, radius = 0.1, 0.5, 1.0
-    modes = [in_units(mode, 1.0, 1.0, tau, speed) for mode in parse_modes("straight, left 1, stop")]
-    motions = motion_table(modes, tau, 1e-6)
-    angle = np.concatenate([np.zeros(50), speed * tau / radius * np.arange(1, 101)])
-    truth = radius * np.stack([np.sin(angle), 1.0 - np.cos(angle)], axis=1)
-    z = truth + np.random.default_rng(0).normal(0.0, 0.02, truth.shape)
-    noises = np.tile([4e-4, 0.0, 4e-4], (150, 1))
-    pieces = np.array([[0, 50, 2], [50, 150, 1]])
-    start = np.zeros(4), np.diag([1e-2, 0.25] * 2)
-    estimates, *_ = PieceSmoother(z, noises, start, motions, tau, 1e-6, speed).smooth(pieces)
-    along = np.hypot(*estimates[55:, 1::2].T)
-    assert np.abs(along - speed).max() < 0.2 * speed

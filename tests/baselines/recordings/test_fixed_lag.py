@@ -46,20 +46,6 @@ def test_probabilities_are_those_of_a_recording_that_ends_now():
         )
 
 
-def test_a_track_begins_at_the_estimate_that_is_given():
-    z, states = seen()
-    start = states[0] - [0.1 * states[0, 1], 0.0, 0.1 * states[0, 3], 0.0], 1e-4 * np.eye(4)
-    tracker = OnlineTracker(OPTIONS, SteadyDecider(), lag=LAG, gate=None)
-    tracker.begin(*start)
-    for point in z[: LAG + 1]:
-        now = tracker.update(tuple(point))
-    known = smooth_modes(
-        z[: LAG + 1], OPTIONS, start=start, branches=32, process_share=PROCESS_SHARE
-    )
-    np.testing.assert_allclose(now.settled.probabilities, known.probabilities[0], atol=1e-9)
-    assert np.isnan(now.settled.time)
-
-
 def test_ticks_later_modes_are_right_more_often_and_estimates_nearer():
     right = []
     squares = []

@@ -5,12 +5,9 @@ import math
 import numpy as np
 import pytest
 from matrix_filters import MatrixKalmanFilter
-from recorded_tracks import OBJECTS
 
 from baselines.recordings.imm_pass import TrackModel, grid_chunks, run_pass
-from baselines.recordings.model_fit import fit_model
-from baselines.recordings.recording import make_recording
-from baselines.recordings.ticks import Piece, TickGrid, tick_grid
+from baselines.recordings.ticks import Piece, TickGrid
 from hybrid_env.modes import Straight
 
 
@@ -56,16 +53,3 @@ def test_straight_motion_has_the_likelihood_of_a_matrix_filter(modes):
     expected = sum(matrix_likelihood(part, 0.5, 0.01) for part in parts)
 
     assert total == pytest.approx(expected, rel=1e-9)
-
-
-def test_noise_and_radii_are_found_from_the_recording():
-    moving = OBJECTS["aircraft"]
-    run = moving.simulate(1, 2).measurements[0]
-    model = fit_model(tick_grid(make_recording(moving.times(len(run)), run)))
-    # R has a standard error of about 4 % with 2,000 coordinates; the bank explains switches by
-    # noise.
-    assert model.measurement_variance == pytest.approx(moving.measurement_variance, rel=0.2)
-    assert 0.1 * moving.process_variance < model.process_variance < 10.0 * moving.process_variance
-    assert model.radii == pytest.approx((moving.radius,), rel=0.15)
-    assert 40.0 < model.duration < 200.0
-    assert model.turns

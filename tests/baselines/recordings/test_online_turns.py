@@ -63,14 +63,3 @@ def test_before_the_bank_begins_there_is_no_forecast():
     assert np.isfinite(mine.forecast([1.0])[0]).all()
     with pytest.raises(ArgumentError, match="seconds"):
         mine.forecast([-1.0])
-
-
-def test_the_noise_of_a_sensor_is_that_of_its_positions():
-    turns = []
-    for world in ({"measurement_variance": 4.0}, {"sensors": ["4.0"]}):
-        options = QuickestOptions(radii=(CAR.radius,), speed=CAR.speed, tau=CAR.tau, **world)
-        mine = OnlineTracker(options, ThresholdDecider(0.6))
-        for k, point in enumerate(POINTS):
-            now = mine.update(point if "sensors" not in world else {0: point}, TIMES[k])
-        turns.append(now.turn)
-    np.testing.assert_allclose(*turns, rtol=1e-6)

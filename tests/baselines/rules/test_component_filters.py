@@ -9,8 +9,8 @@ from matrix_filters import MatrixExtendedKalmanFilter
 from scipy.special import log_softmax, logsumexp
 
 from baselines.rules.component_filters import ASSUMED_LAWS, ComponentFilters, speeds, stated_anchors
-from baselines.rules.measurements import in_rows, observe_sensed, split_sensed
-from hybrid_env import HybridTrackVectorEnv, Layout, Radar, Sensor
+from baselines.rules.measurements import in_rows
+from hybrid_env import HybridTrackVectorEnv, Layout
 
 TRACKS, TICKS = 9, 30
 SPOILED = {4: (6.0, -3.0), 5: (-40.0, 9.0), 20: (0.0, 14.0)}
@@ -93,35 +93,3 @@ def test_robust_filters_equal_matrix_filters():
         )
 
     assert total > 0
-
-
-SENSORS = (
-    Radar(range_deviation=0.2, bearing_deviation=0.02, rate_deviation=0.2, position=(30.0, 5.0)),
-    Sensor(variance=0.3, period=3),
-)
-
-
-def test_with_sensors_the_filters_equal_the_bank():
-    env = HybridTrackVectorEnv(
-        TRACKS,
-        radii=(3.0, 8.0),
-        scheme="random 1x50-60",
-        sensors=SENSORS,
-        bank="published",
-        missed=0.2,
-        reset_covariance=False,
-    )
-    env.reset(seed=3)
-    filters = ComponentFilters("published", 1, TRACKS, env.options)
-    layout, none = env.world.layout, np.zeros(TRACKS, np.bool_)
-    for tick in range(TICKS):
-        rows, sensed = split_sensed(layout, observe_sensed(env.world))
-        filters.advance(
-            rows, np.full(TRACKS, tick == 0), stated_anchors(env.options, rows), none, sensed
-        )
-        expected = env.world.hypothesis_values()
-        log_likelihood = filters.log_likelihood[0]
-        np.testing.assert_allclose(
-            log_likelihood - log_likelihood[:, :1], expected - expected[:, :1], rtol=2e-3, atol=2e-3
-        )
-        env.step(np.zeros(TRACKS, np.int64))

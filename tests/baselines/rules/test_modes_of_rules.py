@@ -4,16 +4,14 @@ those with filters for turns refuse them.
 
 import numpy as np
 import pytest
-from scipy.special import softmax
 
 from baselines import BeamDecider, MSPRTDecider, record_statements
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, rules
 from baselines.rules.rollout import record_decisions
 from baselines.scoring.statements import measure_statements
-from hybrid_env import ArgumentError, HybridTrackVectorEnv, QuickestOptions, WorldOptions
+from hybrid_env import ArgumentError, QuickestOptions, WorldOptions
 from hybrid_env.modes import LinearMode, Stop, Straight
 
-ENV = "hybrid_env:HybridTrackBank-v0"
 # Four and five modes, in an order of their own.
 FOUR = "stop, straight, left 5, accelerate 2"
 FIVE = "left 5, left 2, stop, accelerate 2, straight"
@@ -47,29 +45,6 @@ def test_a_rule_decides_among_any_modes_or_refuses_them_in_one_line(task, name):
         assert name.startswith(("propagated", "msprt-kept"))
         with pytest.raises(ArgumentError, match=f"^modes='{FOUR}' is not allowed: [^\n]*turns"):
             right()
-
-
-def test_the_posterior_of_types_is_that_of_the_modes_of_each_type():
-    env = HybridTrackVectorEnv(64, tick_info=True, modes=FIVE, correctness="type")
-    rows, info = env.reset(seed=3)
-    kind = np.array([0, 0, 1, 2, 3])
-    np.testing.assert_array_equal(env.options.types, kind)
-    # Options are keywords of other environments.
-    assert WorldOptions(**vars(env.options)) == env.options
-    decider = MSPRTDecider(0.05, by="type").for_modes(env.options)
-    declared = 0
-    for _ in range(100):
-        posterior = softmax(info["log_likelihood"], axis=-1)
-        types = np.stack([posterior[:, kind == k].sum(-1) for k in range(4)], axis=-1)
-        of_type = np.where(kind == types.argmax(-1)[:, None], posterior, -1.0)
-        decides = 1.0 - types.max(-1) <= 0.05
-        actions, _ = decider.predict(rows)
-        np.testing.assert_array_equal(actions, np.where(decides, of_type.argmax(-1) + 1, 0))
-        np.testing.assert_allclose(decider.evidence(rows), types[:, kind], atol=1e-6)
-        declared += np.count_nonzero(actions)
-        rows, _, _, _, info = env.step(np.zeros(64, np.int64))
-
-    assert declared > 100
 
 
 def test_a_rule_that_is_made_by_hand_gets_the_types_of_the_environment():

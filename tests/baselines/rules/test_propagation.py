@@ -164,7 +164,16 @@ def mean_bounds(n):
     return chi2.ppf([0.001, 0.999], 4 * n) / n
 
 
-@pytest.mark.parametrize("name", WORLDS)
+QUICK = "R = 0.1", "anchor-aware", "sensors", "robust filters, outliers"
+
+
+def often(names):
+    """Return names of which only a few are quick tests."""
+    study = pytest.mark.study
+    return [pytest.param(name, marks=[] if name in QUICK else study) for name in names]
+
+
+@pytest.mark.parametrize("name", often(WORLDS))
 def test_errors_of_simulated_episodes_have_the_computed_distribution(name):
     """After right declarations the squared error, whitened by the likeliest component, has a
     chi-square distribution with four degrees of freedom.
@@ -195,21 +204,21 @@ FURTHER = {
     # They are left out.
     "range rates": ({"sensors": ["radar 0.3 0.003 rate 0.1 at 100 0"]}, "below"),
     "R = 1": ({"measurement_variance": 1.0}, None),
+    # Where the noise is large, an early declaration leaves a turn rate that is no longer normal.
+    "R = 1, early declarations": (
+        {"measurement_variance": 1.0, "alpha": 0.03, "episodes": 1500},
+        "above",
+    ),
 }
-# Where the noise is large, an early declaration leaves a turn rate that is no longer normal.
-EARLY = ({"measurement_variance": 1.0, "alpha": 0.03, "episodes": 1500}, "above")
 
 
-@pytest.mark.parametrize(
-    ("arguments", "outside"),
-    [*FURTHER.values(), pytest.param(*EARLY, marks=pytest.mark.study)],
-    ids=[*FURTHER, "R = 1, early declarations"],
-)
-def test_squared_errors_are_four_but_with_outliers_near_radars_and_range_rates(arguments, outside):
+@pytest.mark.parametrize("name", often(FURTHER))
+def test_squared_errors_are_four_but_with_outliers_near_radars_and_range_rates(name):
     """The mean squared error is that of four degrees of freedom. It is larger, so that the rule is
     overconfident, with outliers, beside a radar, and after early declarations in strong noise, and
     smaller with range rates.
     """
+    arguments, outside = FURTHER[name]
     square = (whitened_errors(**{"episodes": 100} | arguments) ** 2).sum(1)
     low, high = mean_bounds(len(square))
     side = "below" if square.mean() < low else "above" if square.mean() > high else None

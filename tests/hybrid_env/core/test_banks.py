@@ -7,14 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from matrix_filters import (
-    FREEDOM,
-    LiteralImm,
-    MatrixExtendedKalmanFilter,
-    filters_at_switch,
-    step_filters,
-    transition_matrix,
-)
+from matrix_filters import FREEDOM, LiteralImm, filters_at_switch, step_filters, transition_matrix
 
 from hybrid_env import (
     HybridTrackEnv,
@@ -22,12 +15,11 @@ from hybrid_env import (
     HybridTrackQuickestVectorEnv,
     HybridTrackVectorEnv,
     KalmanBank,
-    QuickestOptions,
     Radar,
     Sensor,
 )
 from hybrid_env.core.memory import LANES
-from hybrid_env.live import SQUARE, LiveTracks
+from hybrid_env.live import SQUARE
 
 STATE = ("x", "vx", "y", "vy")
 TRIANGLE = np.triu_indices(4)
@@ -193,35 +185,6 @@ def test_the_imm_bank_equals_the_literal_one(options):
     assert (env.world.field("segment") > 0).all()
 
 
-def test_the_anchor_aware_filter_that_was_declared_carries_over_its_covariance():
-    R = (0.1, 0.2)
-    env = HybridTrackEnv(
-        bank="anchor_aware", scheme="L30r5 S20", measurement_variance=R, render_mode="rgb_array"
-    )
-    _, info = env.reset(seed=4)
-    P = np.diag([0.3 * R[0], 0.02, 0.3 * R[1], 0.02])
-    chosen = MatrixExtendedKalmanFilter(info["anchor"], P, 5.0, 0.1, 0.001, R)
-    for k in range(12):
-        chosen.step(info["measurement"])
-        if k < 11:
-            *_, info = env.step(0)
-    # Left, the true mode.
-    row, *_, info = env.step(2)
-    for z in env.world.read_trace(0)[:-1, 4:6]:
-        chosen.step(z)
-
-    np.testing.assert_allclose(info["anchor"], chosen.s[:4], rtol=1e-6, atol=1e-7)
-    np.testing.assert_allclose(
-        env.world.field("covariance")[0], chosen.P[:4, :4][TRIANGLE], rtol=1e-5
-    )
-    mean = [
-        0.5 * (chosen.P[a, b] / R[0] + chosen.P[a + 2, b + 2] / R[1])
-        for a, b in ((0, 0), (0, 1), (1, 1))
-    ]
-    anchor = [env.world.layout.read(row, name) for name in ("anchor_xx", "anchor_xv", "anchor_vv")]
-    np.testing.assert_allclose(anchor, mean * 0.1 ** np.arange(3), rtol=1e-5)
-
-
 def test_the_oracle_bank_is_anchored_at_the_true_state():
     env = HybridTrackEnv(bank="oracle", scheme="L30r5 S20", heading=0.5)
     _, info = env.reset(seed=4)
@@ -313,19 +276,6 @@ def test_probabilities_equal_enumeration_where_mixing_is_exact():
             sum(p for history, p in histories.items() if history[-1] == mode) for mode in range(3)
         ]
         np.testing.assert_allclose(np.exp(info["log_probability"]), total, rtol=0, atol=1e-8)
-
-
-def test_probabilities_and_estimates_are_finite_after_outliers():
-    track = LiveTracks(QuickestOptions())
-    track.begin(np.array([0.0, 2.0, 0.0, 0.0]), 0.02 * np.eye(4))
-    generator = np.random.default_rng(0)
-    for k in range(200):
-        scale = 1e5 if k % 10 == 5 else 1.0
-        track.measure(generator.normal(0, scale * math.sqrt(0.1), 2))
-        assert np.isfinite(track.world.bank.hypotheses["log_probability"]).all()
-        np.testing.assert_allclose(track.probabilities().sum(), 1, rtol=1e-12)
-        assert np.isfinite(track.estimate()).all()
-        assert (np.diag(track.covariance()) > 0).all()
 
 
 EXTREME = [

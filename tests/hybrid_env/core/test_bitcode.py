@@ -38,9 +38,9 @@ def folder(tmp_path, monkeypatch):
     compilation.cache_folder.cache_clear()
 
 
-@pytest.mark.parametrize(
-    "bank", ["ImmBank", *(pytest.param(name, marks=pytest.mark.study) for name in [*IDS][1:])]
-)
+# Each compiles a whole kernel, which no cache keeps.
+@pytest.mark.study
+@pytest.mark.parametrize("bank", IDS)
 def test_bitcode_gives_the_bits_of_compiled_code(bank, tmp_path):
     kernel = kernels.kernel_of(getattr(memory, bank), False)
     bitcode.save(kernel, tmp_path)

@@ -4,7 +4,6 @@ folder cannot be written.
 
 import os
 import runpy
-from pathlib import Path
 
 import numba
 import numpy as np
@@ -103,15 +102,6 @@ def test_the_present_folder_holds_no_code_that_is_loaded(name, tmp_path, run, mo
     assert not (tmp_path / "here").exists()
 
 
-def test_the_setting_of_numba_which_a_file_of_the_present_folder_changes_names_no_folder(
-    tmp_path, run, monkeypatch
-):
-    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "here"))
-
-    assert f"kept in {tmp_path / 'cache'}" in run()
-    assert not (tmp_path / "here").exists()
-
-
 @pytest.mark.skipif(not hasattr(os, "getuid"), reason="folders have no modes")
 @pytest.mark.parametrize("kind", [0o770, 0o707, "link"])
 def test_code_is_not_loaded_from_a_folder_that_others_may_write(kind, tmp_path, run):
@@ -140,12 +130,3 @@ def test_damaged_code_is_compiled_again_and_said_in_one_line(ending, content, tm
     (line,) = run().splitlines()
     assert line.startswith(f"HybridTrack: element in {path.parent} is damaged (")
     assert run() == ""
-
-
-@pytest.mark.skipif(not hasattr(os, "getuid"), reason="folders have no owner")
-def test_code_is_not_loaded_from_the_folder_of_another_user(tmp_path, run, monkeypatch):
-    run()
-    status = os.stat_result([0o40700, 0, 0, 0, 12345, *[0] * 5])
-    monkeypatch.setattr(Path, "lstat", lambda path: status)
-
-    assert "not kept: set NUMBA_CACHE_DIR" in run()

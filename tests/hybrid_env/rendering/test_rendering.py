@@ -13,7 +13,7 @@ from hybrid_env import (
     HybridTrackQuickestVectorEnv,
     HybridTrackVectorEnv,
 )
-from hybrid_env.modes import Accelerate, LinearMode, Stop, Straight, Turn
+from hybrid_env.modes import Accelerate, Stop, Straight, Turn
 from hybrid_env.rendering import FRAME_SIZE
 from hybrid_env.rendering.evidence import type_colours
 from hybrid_env.rendering.frame import draw_frame
@@ -145,16 +145,3 @@ def test_modes_of_the_user_have_colours_in_a_frame(env_id):
     env.step(0)
     assert env.render().std() > 0
     assert set(type_colours(modes)) >= {mode.type for mode in modes}
-
-
-def test_six_modes_of_long_names_have_a_legend_inside_the_frame():
-    modes = [LinearMode(np.eye(4), name=f"drifts in the current of river {k}") for k in "abcdef"]
-    env = make(modes=modes, evidence=0.0)
-    env.reset(seed=0)
-    env.render()
-    figure = env.history.figure.figure
-    boxes = [legend.get_window_extent() for legend in figure.legends]
-    for box in boxes:
-        assert 0.0 <= box.x0 < box.x1 <= FRAME_SIZE[0]
-        assert 0.0 <= box.y0 < box.y1
-    assert boxes[1].y1 <= boxes[0].y0 + 8.0

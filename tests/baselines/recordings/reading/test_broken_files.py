@@ -90,8 +90,6 @@ KINDS = {
     "nmea": b"".join(
         b"$GPRMC,1000%02d,A,5%d00.0,N,00300.0,E,9,0,010524,,,A\n" % (k, k) for k in range(9)
     ),
-    "zones": b"t,easting,northing,zone\n"
-    + b"".join(b"%d,500000,%d,3%dN\n" % (k, 5_000_000 + k, 2 + (k > 6)) for k in range(9)),
     "earth-centred": b"t,x,y,z\n" + b"".join(b"%d,4000000,%d,4960000\n" % (k, k) for k in range(9)),
     "both in one": b"t,position\n" + b"".join(b'%d,"4%d 10 N 3 E"\n' % (k, k) for k in range(9)),
 }
@@ -116,11 +114,6 @@ def test_a_damaged_file_is_read_or_refused(read, kind, examples):
 @pytest.mark.parametrize("text", ["[" * 20_000, "t,x" + " " * 9_000 + "[,y"])
 def test_long_names_of_columns_take_no_time(read, text):
     accepted(lambda: read(text + "\n" + ROWS))
-
-
-def test_steps_of_any_length_are_read(read):
-    times = 1e-310 * FRAME.t
-    np.testing.assert_array_equal(read(FRAME.assign(t=times)).recordings[0].times, times)
 
 
 def test_size_and_rows_are_bounded(read, tmp_path, monkeypatch):

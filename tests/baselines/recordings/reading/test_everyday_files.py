@@ -154,11 +154,6 @@ POINTS = [
 ]
 CENTRE = pyproj.Transformer.from_crs("EPSG:4979", "EPSG:4978", always_xy=True)
 ECEF = dict(zip("xyz", CENTRE.transform(LON, LAT, np.full(ROWS, 500.0)), strict=True))
-ZONES = np.where(np.median(X) > X, 32, 33)
-UTM = np.empty((ROWS, 2))
-for zone in (32, 33):
-    utm = pyproj.Proj(proj="utm", zone=zone)
-    UTM[zone == ZONES] = np.column_stack(utm(LON, LAT))[zone == ZONES]
 VELOCITY = {"vx": 0.0, "vy": 0.0}
 FIT = "Type,Local Number,Message,Field 1,Value 1,Units 1"
 AIS = "!AIVDM,1,1,,A,13HOI:0P0000VOHLCnHQKwvL05Ip,0*23"
@@ -219,6 +214,9 @@ CASES = {
     "primes": (degrees("{d}° {m}\u2032 {s}\u2033 {c}"), ""),
     "spaces": (degrees("{c}{d} {m} {s}"), ""),
     "colons": (degrees("{d}:{m}:{s}{c}"), ""),
+    "decimal commas": (place(*([f"{v:.9f}".replace(".", ",") for v in p] for p in (LAT, LON))), ""),
+    "letters in columns": (place(LAT, LON).assign(**{"N/S": "N", "E/W": "E"}), ""),
+    "letters": (place([f"{v:.9f}N" for v in LAT], [f"{v:.9f} E" for v in LON]), ""),
     "German": (place(LAT, LON, "Breite", "Länge"), ""),
     "Spanish": (place(LAT, LON, "Latitud", "Longitud"), ""),
     "Russian": (place(LAT, LON, "Широта", "Долгота"), ""),
@@ -343,7 +341,7 @@ CASES = {
     "NMEA": (sentences("RMC", "GGA"), NO_FIX),
     "NMEA without dates": (sentences("GGA"), SAID + "times of day"),
     "damaged NMEA": (sentences("RMC", wrong=(7,)), "sentences with a wrong checksum (1)"),
-    "AIS": (text(*[AIS] * 5), NOT + "decode them to CSV .* by pyais"),
+    "AIS": (text(*[AIS] * 5), NOT + "decode them to CSV, .* by pyais"),
     "FIT": (text(FIT, *["Data,0,record,timestamp,1,s"] * 5), NOT + "FitCSVTool: .*--data record"),
     "both in one column": (
         pd.DataFrame({"time": T, "Position": [f"{a}, {b}" for a, b in zip(LAT, LON, strict=True)]}),
@@ -392,8 +390,8 @@ CASES = {
     "frame of a compass": (plane("east", "north"), NOT + "frame='ned'", {"frame": "ned"}),
     "frame of degrees": (clock(time=T), NOT + "frame='ned'", {"frame": "ned"}),
     "two zones": (
-        pd.DataFrame({"time": T, "easting": UTM[:, 0], "northing": UTM[:, 1], "zone": ZONES}),
-        "UTM positions of several zones",
+        plane("easting", "northing", zone=np.where(T > 100.0, "32N", "33N")),
+        NOT + "UTM positions of several zones: expected longitudes",
     ),
     "quality": (lost([47.3, 9.4]).assign(quality=np.where(LOST, 0, 4)), NO_FIX),
     "dilution": (lost([47.3, 9.4]).assign(hdop=np.where(LOST, 99.99, 1.2)), NO_FIX),
@@ -450,15 +448,6 @@ def test_days_of_a_calendar_need_their_unit(read):
     frame = clock(Time=(DAYS + 25_569.0).round(9))
     [recording] = read(frame, time_unit="d").recordings
     np.testing.assert_allclose(np.diff(recording.times), STEP, atol=1e-3)
-
-
-@pytest.mark.parametrize("fill", [-999, 9999, 0])
-def test_numbers_in_place_of_positions_on_a_plane(read, fill):
-    frame = pd.DataFrame({"time": T, "x": X + 800.0, "y": Y + 400.0})
-    [expected] = read(frame[~LOST], unit="m").recordings
-    frame.loc[LOST, ["x", "y"]] = fill
-    [recording] = read(frame, unit="m").recordings
-    np.testing.assert_array_equal(recording.positions[recording.measured], expected.positions)
 
 
 @pytest.mark.parametrize("stands", [False, True])

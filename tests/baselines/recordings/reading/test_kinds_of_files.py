@@ -47,22 +47,6 @@ def parquet(frame):
 
 
 @pytest.mark.parametrize(
-    ("ending", "separator", "index", "compressed"),
-    [
-        ("csv", ",", True, ".gz"),
-        ("tsv", "\t", False, ""),
-        ("csv", ";", True, ""),
-        ("txt", "|", False, ".gz"),
-    ],
-)
-def test_what_pandas_writes(check, ending, separator, index, compressed):
-    content = FRAME.to_csv(sep=separator, index=index).encode()
-    content = gzip.compress(content) if compressed else content
-
-    check(content, name=f"walk.{ending}{compressed}")
-
-
-@pytest.mark.parametrize(
     ("content", "options", "said"),
     [
         (FRAME.set_index("t").to_csv(), {}, "tick 0.25 s"),

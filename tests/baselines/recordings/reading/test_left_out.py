@@ -15,9 +15,6 @@ TRACK = np.cumsum(1.5 * np.column_stack([np.cos(HEADING), np.sin(HEADING)]), axi
 TRACK += np.random.default_rng(0).normal(0.0, 0.2, (ROWS, 2))
 FRAME = pd.DataFrame({"time": T, "x": TRACK[:, 0], "y": TRACK[:, 1]})
 LINES = FRAME.round(3).to_csv(index=False).splitlines()
-GRID = np.column_stack([47.0 + 9e-6 * TRACK[:, 1], 8.0 + 13e-6 * TRACK[:, 0]])
-START = pd.Timestamp("2026-05-01T23:59:00")
-DATES = START + pd.to_timedelta(T, unit="s")
 
 
 def inserted(*more):
@@ -131,84 +128,6 @@ def test_an_object_that_stands_still_and_rounded_positions_are_no_stale_source(r
         assert len(read(frame, unit="m").recordings[0].times) == ROWS
 
 
-DEGREES = {"lat": GRID[:, 0], "lon": GRID[:, 1]}
-
-
-def positions_of(read, **columns):
-    """East and north of a file in degrees."""
-    return read(pd.DataFrame(columns)).recordings[0].positions
-
-
-@pytest.mark.parametrize(
-    "form",
-    [
-        "letters",
-        "columns",
-        "minutes",
-        "integers",
-        "semicircles",
-        "degrees and minutes",
-        "comma",
-        "zeros",
-    ],
-)
-def test_forms_of_degrees(read, form):
-    expected = positions_of(read, time=T, **DEGREES)
-    lat, lon = -GRID[:, 0], -GRID[:, 1]
-    more = {}
-    columns = ("lat", "lon")
-    if form == "letters":
-        cells = [f"{-a:.9f}S" for a in lat], [f"{-b:.9f} W" for b in lon]
-    elif form == "columns":
-        cells = -lat, -lon
-        more = {"N/S": "S", "E/W": "W"}
-    elif form == "minutes":
-        cells = [
-            [f"{int(v)}°{60.0 * (v % 1):.7f}'{letter}" for v in -values]
-            for values, letter in ((lat, "S"), (lon, "W"))
-        ]
-    elif form == "integers":
-        cells = [np.round(values * 1e7).astype(int) for values in (lat, lon)]
-    elif form == "semicircles":
-        columns = ("position_lat", "position_long")
-        cells = [np.round(values * 2**31 / 180.0).astype(int) for values in (lat, lon)]
-    elif form == "degrees and minutes":
-        cells = [-(100.0 * (v // 1) + 60.0 * (v % 1)) for v in (-lat, -lon)]
-    elif form == "comma":
-        cells = [[f"{v:.9f}".replace(".", ",") for v in values] for values in (lat, lon)]
-    else:
-        cells = (np.where(T == 7, 0.0, lat), np.where(T == 7, 0.0, lon))
-        expected = np.delete(expected, 7, axis=0)
-    found = positions_of(read, time=T, **dict(zip(columns, cells, strict=True)), **more)
-    # South and west are mirror images of north and east.
-    np.testing.assert_allclose(np.diff(found, axis=0), -np.diff(expected, axis=0), atol=0.03)
-
-
-@pytest.mark.parametrize(
-    ("date", "clock"),
-    [
-        ("%Y-%m-%d", "%H:%M:%S"),
-        ("%y%m%d", "%H%M%S"),
-        ("%d%m%y", "%H%M%S"),
-        ("%Y%m%d", "%H%M%S"),
-        ("%d.%m.%Y", "%H:%M:%S"),
-        ("%m/%d/%Y", "%I:%M:%S %p"),
-    ],
-)
-def test_a_date_beside_the_time_of_day(read, date, clock):
-    """Also across midnight."""
-    frame = FRAME.assign(Date=DATES.strftime(date), time=DATES.strftime(clock))
-    [recording] = read(frame).recordings
-    np.testing.assert_allclose(recording.times, T, atol=1e-6)
-    assert recording.epoch == "2026-05-01T23:59:00Z"
-
-
-@pytest.mark.parametrize("form", ["%d/%m/%Y %H:%M:%S", "%m/%d/%Y %I:%M:%S %p", "%H:%M:%S"])
-def test_dates_of_other_orders_and_midnight(read, form):
-    [recording] = read(FRAME.assign(time=DATES.strftime(form))).recordings
-    np.testing.assert_allclose(np.diff(recording.times), 1.0, atol=1e-6)
-
-
 @pytest.mark.parametrize(("unit", "first"), [(1, 0), (10, 0), (60, 0), (60, 4)])
 def test_rounded_times_are_spread(read, unit, first):
     """Also if the first rows are the last ones of their minute."""
@@ -252,12 +171,3 @@ def test_thousands_by_option(read):
         read(frame.to_csv(index=False, sep=";"))
     [recording] = read(frame.to_csv(index=False, sep=";"), thousands=",").recordings
     np.testing.assert_allclose(recording.positions[:, 0], TRACK[:, 0] + 5000.0, atol=1e-3)
-
-
-def test_the_finest_of_several_columns_of_times(read):
-    """A drone logs milliseconds beside a clock of whole seconds."""
-    frame = FRAME.drop(columns="time").assign(
-        **{"datetime(utc)": DATES.floor("5s").astype(str), "time(millisecond)": 1000.0 * T}
-    )
-    frame = frame.rename(columns={"time(millisecond)": "time [ms]"})
-    np.testing.assert_allclose(read(frame).recordings[0].times, T)

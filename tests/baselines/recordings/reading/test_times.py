@@ -95,20 +95,3 @@ def test_recording_of_arrays():
     assert recording.pieces == ((0, 3), (3, 4))
     assert not recording.positions.flags.writeable
     assert make_recording([3, 4, 6], np.ones((3, 2)), gap=1.5).pieces == ((0, 2), (2, 3))
-
-
-def clock_cells(seconds, prefix=""):
-    """Times of day as numbers, 101500 for a quarter past ten."""
-    start = START + pd.Timedelta("15min")
-    dates = start + pd.to_timedelta(seconds, unit="s")
-    texts = dates.strftime("%H%M%S.%f" if np.any(np.array(seconds) % 1) else "%H%M%S")
-    return [prefix + text for text in texts]
-
-
-@pytest.mark.parametrize(("step", "prefix"), [(0.7, ""), (7.0, "20260501"), (400.0, "")])
-def test_times_of_day_as_numbers_are_not_taken_for_seconds(read_times, step, prefix):
-    recording, summary = read_times(clock_cells(3.0 * step * np.arange(ROWS), prefix), "TIME")
-    # Numbers of 14 digits.
-    np.testing.assert_allclose(np.diff(recording.times), 3.0 * step, atol=0.01)
-    kind = "from 2026-05-01" if prefix else "times of day (%H%M%S"
-    assert kind in summary

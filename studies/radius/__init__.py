@@ -1,1 +1,0 @@
-"""Error of the estimated radius of a turn after a decision."""

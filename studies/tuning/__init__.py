@@ -1,1 +1,0 @@
-"""A search for hyper-parameters of a recipe with Optuna."""
