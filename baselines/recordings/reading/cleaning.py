@@ -123,6 +123,30 @@ def _median_step(rows: pd.DataFrame, groups: list[Any]) -> float:
     return float(np.hypot(steps.x, steps.y).median())
 
 
+def fill_values(positions: FloatArray) -> BoolArray:
+    """Return which rows (n,) have in both coordinates of positions (n, 2) a number such as 0, -1
+    or 9999 in place of a position: it is far from the rows before and after.
+    """
+    fills = np.zeros(len(positions), np.bool_)
+    same = positions[:, 0] == positions[:, 1]
+    numbers, counts = np.unique(positions[same, 0], return_counts=True)
+    steps = np.hypot(*np.diff(positions[~same], axis=0).T)
+    steps = steps[~np.isnan(steps)]
+    if len(steps) < FEWEST:
+        return fills
+    longest = 5.0 * np.quantile(steps, 0.95)
+    # A number other than 0 is a position if it is there once.
+    for number in numbers[counts > (numbers != 0.0)][:100]:
+        rows = same & (positions[:, 0] == number)
+        borders = np.flatnonzero(np.diff(rows))
+        jumps = np.hypot(*(positions[borders + 1] - positions[borders]).T)
+        # Next to an empty position there is none.
+        jumps = jumps[~np.isnan(jumps)]
+        if rows.mean() < 0.5 and len(jumps) and np.median(jumps) > longest:
+            fills |= rows
+    return fills
+
+
 def stale_rows(positions: FloatArray) -> IntArray:
     """Return which rows (k,) of positions (n, 2) repeat the last one, where a stale source gives
     most of them several times. Rounded positions, which change by their last digit, are none.

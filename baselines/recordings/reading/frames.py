@@ -3,11 +3,12 @@
 import re
 
 import numpy as np
+import pandas as pd
 import pyproj
 
 from baselines.recordings.reading.names import FRAMES, plain_name, split_unit
 from baselines.recordings.reading.table import Table
-from hybrid_env.checks import FloatArray, reject
+from hybrid_env.checks import ArgumentError, FloatArray, reject
 
 
 def frame_of(
@@ -70,3 +71,21 @@ def turned(values: FloatArray, frame: str | None) -> tuple[FloatArray, str]:
     if frame == "image":
         return values[:, :2] * [1.0, -1.0], "y points down (pixels), written with the other sign"
     return values[:, :2], "" if frame else "x east, y north is assumed: left is counter-clockwise"
+
+
+def of_zones(table: Table, zones: pd.Series, values: FloatArray) -> FloatArray | None:
+    """Return longitudes and latitudes (n, 2) [deg] of UTM positions in several zones, such as 32N;
+    None in a single one.
+    """
+    parts = zones.str.extract(r"^(\d{1,2})\s*([A-Za-z]?)")
+    if parts[0].nunique() < 2:
+        return None
+    degrees = np.full(values.shape, np.nan)
+    for (zone, band), rows in parts.groupby([0, 1]).indices.items():
+        if not 1 <= int(zone) <= 60:
+            raise ArgumentError(f"{table.file}: zone {zone} is not allowed: expected 1 to 60")
+        # Bands from N are in the north; S is one of these, and the word south.
+        plane = pyproj.Proj(proj="utm", zone=int(zone), south="A" <= band.upper() < "N")
+        east, north = values[rows].T
+        degrees[rows] = np.column_stack(plane(east, north, inverse=True))
+    return degrees

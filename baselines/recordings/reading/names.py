@@ -39,13 +39,13 @@ ROLES = {
     ),
     # Of earth-centred, earth-fixed positions; otherwise the altitude.
     "z": "z pos_z z_pos posz position_z z_position pz ecef_z z_ecef z_ned ned_z",
-    "zone": "utm_zone zone zone_number utm_zone_number",
     # Latitude and longitude in one cell.
     "position": (
         "position positions pos coordinate coordinates coords location latlon latlng lat_lon"
         " lat_lng lat_long latitude_longitude gps gps_position gps_coordinates koordinaten"
         " coordonnées coordenadas wkt geom geometry"
     ),
+    "zone": "utm_zone zone zone_number utm_zone_number",
     "lat": (
         "lat latitude lats latitudes location_lat position_lat gps_lat gps_latitude latitudee7"
         " breite breitengrad geo_breite latitud latitudine breedtegraad szerokosc bredde"

@@ -6,7 +6,8 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from baselines.recordings.reading.frames import frame_of, turned
+from baselines.recordings.reading import cleaning
+from baselines.recordings.reading.frames import frame_of, of_zones, turned
 from baselines.recordings.reading.names import DEGREES, VOID, role_of, split_unit
 from baselines.recordings.reading.table import Table
 from baselines.recordings.reading.values import (
@@ -81,8 +82,8 @@ def read_positions(
     else:
         values, degrees = _on_the_plane(table, roles, values, unit, frame)
     wrong |= (np.abs(values) > ([360.0, 90.0] if degrees else 1e12)).any(axis=1)
-    # Loggers write 0, -1 or 99 for both where they have no position.
-    wrong |= degrees & (values[:, 0] == values[:, 1])
+    values[wrong] = np.nan
+    wrong |= cleaning.fill_values(values)
     values[wrong] = np.nan
     return Places(values, wrong, _void_rows(table), "m" if degrees else unit, degrees)
 
@@ -112,10 +113,11 @@ def _on_the_plane(
     """Return positions (n, 2) with x east and y north, and whether they are degrees now."""
     scale = 1e3 if unit == "km" else 1.0
     found = frame_of(table, roles, values * scale, frame, str(unit).startswith(("px", "pixel")))
-    if "zone" in roles and table.frame[roles["zone"]].nunique() > 1:
-        raise ArgumentError(
-            f"{table.file}: UTM positions of several zones: expected longitudes and latitudes"
-        )
+    if "zone" in roles:
+        degrees = of_zones(table, texts_of(table.frame[roles["zone"]]), values[:, :2] * scale)
+        if degrees is not None:
+            table.notes.append("UTM positions of several zones")
+            return degrees, True
     values, said = turned(values * scale if found == "ecef" else values, found)
     table.notes += [said] * bool(said)
     if found != "ecef":

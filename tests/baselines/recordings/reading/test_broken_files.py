@@ -90,6 +90,8 @@ KINDS = {
     "nmea": b"".join(
         b"$GPRMC,1000%02d,A,5%d00.0,N,00300.0,E,9,0,010524,,,A\n" % (k, k) for k in range(9)
     ),
+    "zones": b"t,easting,northing,zone\n"
+    + b"".join(b"%d,500000,%d,3%dN\n" % (k, 5_000_000 + k, 2 + (k > 6)) for k in range(9)),
     "earth-centred": b"t,x,y,z\n" + b"".join(b"%d,4000000,%d,4960000\n" % (k, k) for k in range(9)),
     "both in one": b"t,position\n" + b"".join(b'%d,"4%d 10 N 3 E"\n' % (k, k) for k in range(9)),
 }

@@ -10,7 +10,7 @@ from hybrid_env.checks import ArgumentError
 
 ROWS = 50
 GEOD = Geod(ellps="WGS84")
-PLACES = [(55.75, 37.6, 1.4), (-33.9, 151.2, 20.0), (0.0, 0.01, 5.0), (69.6, -179.99, 250.0)]
+PLACES = [(55.75, 37.6, 1.4), (-33.9, 151.2, 20.0), (0.0, 0.0, 5.0), (69.6, -179.99, 250.0)]
 
 
 def degrees(latitude, longitude, speed, tick=1.0):

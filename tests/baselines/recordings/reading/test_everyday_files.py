@@ -154,6 +154,11 @@ POINTS = [
 ]
 CENTRE = pyproj.Transformer.from_crs("EPSG:4979", "EPSG:4978", always_xy=True)
 ECEF = dict(zip("xyz", CENTRE.transform(LON, LAT, np.full(ROWS, 500.0)), strict=True))
+ZONES = np.where(np.median(X) > X, 32, 33)
+UTM = np.empty((ROWS, 2))
+for zone in (32, 33):
+    utm = pyproj.Proj(proj="utm", zone=zone)
+    UTM[zone == ZONES] = np.column_stack(utm(LON, LAT))[zone == ZONES]
 VELOCITY = {"vx": 0.0, "vy": 0.0}
 FIT = "Type,Local Number,Message,Field 1,Value 1,Units 1"
 AIS = "!AIVDM,1,1,,A,13HOI:0P0000VOHLCnHQKwvL05Ip,0*23"
@@ -390,8 +395,8 @@ CASES = {
     "frame of a compass": (plane("east", "north"), NOT + "frame='ned'", {"frame": "ned"}),
     "frame of degrees": (clock(time=T), NOT + "frame='ned'", {"frame": "ned"}),
     "two zones": (
-        plane("easting", "northing", zone=np.where(T > 100.0, "32N", "33N")),
-        NOT + "UTM positions of several zones: expected longitudes",
+        pd.DataFrame({"time": T, "easting": UTM[:, 0], "northing": UTM[:, 1], "zone": ZONES}),
+        "UTM positions of several zones",
     ),
     "quality": (lost([47.3, 9.4]).assign(quality=np.where(LOST, 0, 4)), NO_FIX),
     "dilution": (lost([47.3, 9.4]).assign(hdop=np.where(LOST, 99.99, 1.2)), NO_FIX),
@@ -448,6 +453,15 @@ def test_days_of_a_calendar_need_their_unit(read):
     frame = clock(Time=(DAYS + 25_569.0).round(9))
     [recording] = read(frame, time_unit="d").recordings
     np.testing.assert_allclose(np.diff(recording.times), STEP, atol=1e-3)
+
+
+@pytest.mark.parametrize("fill", [-999, 9999, 0])
+def test_numbers_in_place_of_positions_on_a_plane(read, fill):
+    frame = pd.DataFrame({"time": T, "x": X + 800.0, "y": Y + 400.0})
+    [expected] = read(frame[~LOST], unit="m").recordings
+    frame.loc[LOST, ["x", "y"]] = fill
+    [recording] = read(frame, unit="m").recordings
+    np.testing.assert_array_equal(recording.positions[recording.measured], expected.positions)
 
 
 @pytest.mark.parametrize("stands", [False, True])
