@@ -70,7 +70,7 @@ def embed_study(app: Any, path: Path, page: str, source: list[str]) -> None:
     """Replace the links of the README of a study to other studies; a handler of Sphinx's event
     `include-read`.
     """
-    source[0] = re.sub(r"\]\((?:\.\./)?(\w+)/README\.md", r"](../../docs/studies/\1.md", source[0])
+    source[0] = re.sub(r"\]\(((?:\.\./)?)(\w+)/README\.md", r"](\1../docs/studies/\2.md", source[0])
 
 
 def mend_back_links(app: Any, page: str, template: str, context: Any, doctree: Any) -> None:
