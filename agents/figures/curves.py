@@ -90,7 +90,7 @@ def curve_figure(
         if sharing:
             axes.label_outer()
         if panel.labelled:
-            _label_curves(axes, panel.curves)
+            _label_curves(axes)
             continue
         lines, names = axes.get_legend_handles_labels()
         named |= dict(zip(names, lines, strict=True))
@@ -101,33 +101,32 @@ def curve_figure(
     return canvas
 
 
-def _label_curves(axes: Any, curves: Sequence[Curve]) -> None:
+def _label_curves(axes: Any) -> None:
     """Write the names of curves on the right of the axes, each with a line to the last point that
     is seen, and so far apart that they can be read.
     """
+    to_axes = axes.transScale + axes.transLimits
     ends = []
-    for curve in curves:
-        x = np.asarray(curve.x, float)
-        y = np.array([getattr(point, "value", point) for point in curve.y], float)  # type: ignore[union-attr]
-        points = axes.transLimits.transform(axes.transScale.transform(np.stack([x, y], axis=1)))
+    for line, name in zip(*axes.get_legend_handles_labels(), strict=True):
+        points = to_axes.transform(line.get_xydata())
         seen = points[((points >= 0.0) & (points <= 1.0)).all(axis=1)]
         if len(seen):
-            ends.append((float(seen[-1][1]), *seen[-1], curve))
-    ends.sort(key=lambda end: end[0])
+            ends.append((*seen[-1], line.get_color(), name))
+    ends.sort(key=lambda end: end[1])
     height = 0.0
-    for left, (place, x_end, y_end, curve) in enumerate(ends):
+    for after, (x, y, colour, name) in zip(range(len(ends))[::-1], ends, strict=True):
         # Room for the labels that follow.
-        height = min(max(place, height), 1.0 - 0.08 * (len(ends) - 1 - left))
+        height = min(max(y, height), 1.0 - 0.08 * after)
         axes.annotate(
             # The bank, if it is named, in a line of its own.
-            re.sub(r", (?=\S+ bank$)", ",\n", curve.name.replace("$", r"\$")),
-            (x_end, y_end),
+            re.sub(r", (?=\S+ bank$)", ",\n", name),
+            (x, y),
             (1.03, height),
             xycoords="axes fraction",
             textcoords="axes fraction",
             va="center",
-            color=curve.style.colour,
-            arrowprops={"arrowstyle": "-", "color": curve.style.colour, "linewidth": 0.7},
+            color=colour,
+            arrowprops={"arrowstyle": "-", "color": colour, "linewidth": 0.7},
         )
         height += 0.08
 
