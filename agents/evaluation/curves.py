@@ -86,27 +86,19 @@ def _announced_panels(task: Any, groups: Groups, bound: float | None) -> list[Pa
     rewards = curves(task, groups, mean("ticks"), mean("reward"))
     earned = {curve.name: np.reshape(curve.selected, (-1, 2))[:, 1].max() for curve in rewards}
     best = max(earned.values())
-    # Deciders that earn much less are named below.
-    near = [name for name, reward in earned.items() if reward >= best - 0.2 * abs(best)]
+    # Others, which earn much less, are named in the note.
+    near = {name: reward for name, reward in earned.items() if reward >= best - 0.2 * abs(best)}
     top = best if bound is None else max(best, bound)
-    margin = 0.6 * (top - min(earned[name] for name in near)) + 0.02
-    lowest = min(earned[name] for name in near) - margin
-    points = [
-        (x, 1.0 - accuracy)
-        for group in groups.values()
-        for entry in group
-        for x, reward, accuracy in zip(
-            *(entry.scores.curve(mean(name)) for name in ("ticks", "reward", "accuracy")),
-            strict=True,
-        )
-        if reward >= lowest
-    ]
-    times, wrong = np.array(points).T
+    margin = 0.6 * (top - min(near.values())) + 0.02
+    lowest = min(near.values()) - margin
+    points: Any = [(a.x, a.y, b.y) for a, b in zip(rewards, errors, strict=True)]
+    x, y, share = np.hstack(points)
+    times, wrong = x[y >= lowest], share[y >= lowest]
     pad = 0.05 * np.ptp(times) + 0.2
     ticks = Axis("mean decision time, ticks", (times.min() - pad, times.max() + pad))
     error = Axis(
         "accuracy, % of segments",
-        (min(1.2 * wrong.max(), 0.9), 0.7 * max(wrong.min(), least)),
+        (min(1.2 * wrong.max(), 0.9), 0.7 * wrong.min()),
         {share: f"{100 * (1 - share):g}" for share in shares},
         log=True,
     )
