@@ -24,6 +24,7 @@ extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
     "sphinx.ext.napoleon",
+    "sphinx.ext.mathjax",
     "sphinx.ext.viewcode",
     "sphinx_copybutton",
     "sphinx_gallery.gen_gallery",
@@ -32,6 +33,7 @@ extensions = [
 exclude_patterns = ["_build", "_templates", "examples", "gallery/*.ipynb"]
 
 myst_heading_anchors = 3
+myst_fence_as_directive = ["math"]  # as a forge shows formulas
 nb_execution_mode = "force"
 nb_execution_raise_on_error = True
 nb_execution_timeout = 300

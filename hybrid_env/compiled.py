@@ -19,6 +19,7 @@ from hybrid_env.core.banks.bank import state_of as state_of
 from hybrid_env.core.banks.filter import move_turn as move_turn
 from hybrid_env.core.banks.filter import turn_coefficients as turn_coefficients
 from hybrid_env.core.banks.sensing import write_measured as write_measured
+from hybrid_env.core.compilation import COMPILING as COMPILING
 from hybrid_env.core.compilation import compiled as compiled
 from hybrid_env.core.compilation import internal as internal
 from hybrid_env.core.compilation import prepare as prepare

@@ -1,4 +1,4 @@
-"""The program that README, the start page and the gallery show first."""
+"""The programs that README, the start page and the gallery show first."""
 
 import contextlib
 import io
@@ -7,9 +7,19 @@ from pathlib import Path
 
 import pytest
 
+from agents import evaluate
+
 ROOT = Path(__file__).parents[1]
-README = (ROOT / "README.md").read_text(encoding="utf-8")
-PROGRAM = re.search(r"```python\n(.*?)```", README, re.DOTALL)[1]
+README, START, GALLERY = (
+    (ROOT / name).read_text(encoding="utf-8")
+    for name in ("README.md", "docs/start.md", "docs/examples/example_03_train_and_watch.py")
+)
+
+
+def program(page, word):
+    """Return the first program of a page that has a word."""
+    programs = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    return next(text for text in programs if word in text)
 
 
 def rewards(text):
@@ -18,24 +28,55 @@ def rewards(text):
     return {name: float(value) for name, value in rows}
 
 
-# The example of the gallery runs whenever the site is built, and trains for fewer steps.
-@pytest.mark.parametrize(
-    ("page", "steps"),
-    [("docs/start.md", "range(11)"), ("docs/examples/example_03_train_and_watch.py", "range(5)")],
-)
-def test_start_page_and_gallery_show_the_program_of_the_readme(page, steps):
-    program = PROGRAM.replace("range(11)", steps)
-    assert program in (ROOT / page).read_text(encoding="utf-8")
+def run(text):
+    """Run a program; return what it prints and its names."""
+    printed = io.StringIO()
+    names = {}
+    with contextlib.redirect_stdout(printed):
+        exec(text, names)
+    return printed.getvalue(), names
+
+
+def test_the_gallery_trains_as_the_start_page_for_fewer_steps():
+    # The example runs whenever the site is built.
+    assert program(START, "PPO").replace("range(11)", "range(5)") in GALLERY
+
+
+def test_modes_of_the_readme_print_what_it_says():
+    printed, _ = run(program(README, "LinearMode"))
+    shown = "".join(f"    {line}\n" for line in printed.splitlines())
+
+    assert printed.count("\n") == 3
+    assert f"\n{shown}\n" in README
+
+
+def test_the_rule_of_the_readme_declares_the_likeliest():
+    import gymnasium as gym
+
+    _, names = run(program(README, "hurried"))
+    env = gym.make_vec("hybrid_env:HybridTrack-v0", num_envs=50)
+    rows, _ = env.reset(seed=0)
+    declared = names["hurried"](rows, 0.3)
+
+    assert {0} < set(declared.tolist()) <= {0, 1, 2, 3}
+    assert not names["hurried"](rows, 0.0).any()
 
 
 @pytest.mark.study
-def test_the_program_prints_what_the_readme_says(tmp_path, monkeypatch):
+def test_the_model_of_the_readme_earns_what_it_says(tmp_path, monkeypatch):
     # The program saves its model in the present folder.
     monkeypatch.chdir(tmp_path)
-    printed = io.StringIO()
-    with contextlib.redirect_stdout(printed):
-        exec(PROGRAM, {})
-    shown, found = rewards(README), rewards(printed.getvalue())
+    run(program(README, "PPO"))
+    told = float(re.search(r"PPO earns (\d\.\d+) per segment", README)[1])
+
+    # Its rounding depends on the processor.
+    assert evaluate("ppo.zip")["reward"].value == pytest.approx(told, abs=0.015)
+
+
+@pytest.mark.study
+def test_the_program_of_the_start_page_prints_what_it_says(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    shown, found = rewards(START), rewards(run(program(START, "PPO"))[0])
     assert list(found) == list(shown)
     # Rules have no chance in them. PPO has a seed, but its rounding depends on the processor.
     rules = "at-once", "sprt", "msprt"

@@ -9,7 +9,7 @@ from urllib.parse import unquote
 import pytest
 
 ROOT = Path(__file__).parents[1]
-FOLDERS = (".", "docs", "docs/api", "docs/environments", "studies/*")
+FOLDERS = (".", "docs", "docs/api", "docs/environments", "studies", "studies/*")
 PAGES = sorted(page for folder in FOLDERS for page in ROOT.glob(f"{folder}/*.md"))
 BLOCK = re.compile(r"^( *```).*?^\1$", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"\]\(([^)\s]+)\)")

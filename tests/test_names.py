@@ -4,6 +4,7 @@ alone.
 
 import ast
 import importlib
+import re
 import subprocess
 import sys
 import tomllib
@@ -31,13 +32,18 @@ def test_names_are_those_of_the_stub_and_of_the_page(package):
     tree = ast.parse((ROOT / package / "__init__.pyi").read_text(encoding="utf-8"))
     files = {line.names[0].asname: line.module for line in tree.body}
     module = importlib.import_module(package)
-    page = (ROOT / "docs/api/names.md").read_text(encoding="utf-8").partition(f"`{package}`")[2]
+    page = (ROOT / "docs/api/index.md").read_text(encoding="utf-8")
+    listed = [
+        name
+        for block in page.split(f".. currentmodule:: {package}\n")[1:]
+        for name in re.findall(r"^   (\w+)$", block.partition("```")[0], re.MULTILINE)
+    ]
 
     assert sorted(files) == sorted(module.__all__)
     assert set(module.__all__) <= set(dir(module))
     for name, file in files.items():
         assert getattr(module, name) is getattr(importlib.import_module(file), name)
-        assert f"`{name}`" in page
+        assert name in listed or f"`{package}.{name}`" in page
     with pytest.raises(AttributeError, match=f"module '{package}' has no attribute 'absent'"):
         module.absent  # noqa: B018
 

@@ -7,18 +7,18 @@ from pathlib import Path
 from agents.evaluation.registry import SHIPPED
 
 ROOT = Path(__file__).parents[1]
-README, PAPER, CARDS = (
+PUBLISHED, PAPER, CARDS = (
     (ROOT / name).read_text(encoding="utf-8")
-    for name in ("README.md", "paper.md", "docs/agents.md")
+    for name in ("docs/environments/published.md", "paper.md", "docs/agents.md")
 )
 BODY = PAPER.split("---\n", 2)[2]
 
 
-def test_the_table_of_the_paper_is_that_of_the_readme():
+def test_the_table_of_the_paper_is_that_of_the_published_ids():
     table = [line for line in BODY.splitlines() if line.startswith("|")]
 
     assert len(table) == 9
-    assert set(table) <= set(README.splitlines())
+    assert set(table) <= set(PUBLISHED.splitlines())
 
 
 def test_the_page_of_the_agents_has_the_card_of_every_set_of_weights():

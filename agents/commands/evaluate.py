@@ -25,7 +25,7 @@ from hybrid_env.checks import Count, NotNegative, reject
 
 @dataclass(kw_only=True)
 class Evaluate(WorldArguments, ErrorArguments, TrustArguments):
-    """Evaluate deciders: accuracy, decision time, reward, tracking error, confusion matrix.
+    """Evaluate deciders: accuracy, decision time, reward, tracking error.
 
     With --env HybridTrackQuickest-v0: share of right ticks, delay, missed switches, wrong changes,
     reward.
@@ -44,8 +44,10 @@ class Evaluate(WorldArguments, ErrorArguments, TrustArguments):
     """Number of evaluation episodes."""
     seed: NotNegative = 0
     """Seed of the first episode; later episodes use consecutive seeds."""
+    confusion: bool = False
+    """Also print how often each mode was decided where each was true; not for unknown switches."""
     out: Annotated[Path | None, shown_default("none is written")] = None
-    """JSON file for the metrics."""
+    """JSON file for the metrics, with the confusion matrices."""
 
     def run(self) -> None:
         """Evaluate the deciders at one threshold each, and print the tables."""
@@ -53,7 +55,7 @@ class Evaluate(WorldArguments, ErrorArguments, TrustArguments):
             raise reject("out", str(self.out), "a file in a folder that exists")
         console = Console(emoji=False)
         results = self._evaluate(console)
-        for table in result_tables(results):
+        for table in result_tables(results, self.confusion):
             console.print(table)
         if self.out is not None:
             rows = [

@@ -162,7 +162,7 @@ class Comparison:
         }
         if spread:
             title = "Mean over training seeds, ± half the range"
-            yield metrics_table(title, (*task.metrics, *self.levels), spread)
+            yield metrics_table(title, (*task.shown, *self.levels), spread)
 
     def _levels_table(self) -> Table:
         """Return figures of whole operating curves, and paired figures of each decider and the

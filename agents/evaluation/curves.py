@@ -23,14 +23,18 @@ Groups = Mapping[str, Sequence[Result]]
 
 
 def curves(
-    groups: Groups, x: Statistic, y: Statistic, least_x: float = -np.inf, least_y: float = -np.inf
+    task: Task,
+    groups: Groups,
+    x: Statistic,
+    y: Statistic,
+    least_x: float = -np.inf,
+    least_y: float = -np.inf,
 ) -> list[Curve]:
     """Return one curve for each name, of the points whose x is above a number; y is drawn as at
-    least another number.
+    least another number. A bank that is not that of the environment is named.
     """
     styles = decider_styles(groups)
     drawn = []
-    several_banks = len({group[0].scores.bank for group in groups.values()}) > 1
     for name, group in groups.items():
         places = np.mean([entry.scores.curve(x) for entry in group], axis=0)
         shown = np.flatnonzero(places > least_x)
@@ -47,7 +51,8 @@ def curves(
             [[entry.scores.curve(of)[entry.chosen] for of in (x, y)] for entry in group]
         )
         title = name if len(group) == 1 else f"{name}, {len(group)} seeds"
-        title += f", {scores.bank.replace('_', '-')} bank" if several_banks else ""
+        if scores.bank != getattr(task.options, "bank", ""):
+            title += f", {scores.bank.replace('_', '-')} bank"
         drawn.append(
             Curve(
                 title,
@@ -67,39 +72,51 @@ def _selected(drawn: Sequence[Curve]) -> FloatArray:
 
 
 def _announced_panels(task: Any, groups: Groups, bound: float | None) -> list[Panel]:
-    """Return accuracy and mean reward against mean decision time; the bound on the reward is a
-    dashed line.
+    """Return mean reward and accuracy against mean decision time; the best rule and the bound on
+    the reward are dashed lines.
 
-    The accuracy axis is logarithmic in the error rate, so that 98 % and 99 % are
-    distinguishable. No error among n segments is drawn as half an error.
+    Shown is where deciders earn most. The accuracy axis is logarithmic in the error rate, so that
+    98 % and 99 % are distinguishable. No error among n segments is drawn as half an error.
     """
     wrong_share = Statistic(("accuracy",), lambda accuracy: 1.0 - accuracy, share=True)
     shares = (0.5, 0.3, 0.2, 0.1, 0.05, 0.02, 0.01, 5e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4)
     first = next(iter(groups.values()))[0].scores
     least = 0.5 / (first.episodes * task.options.segments)
-    errors = curves(groups, mean("ticks"), wrong_share, least_y=least)
-    rewards = curves(groups, mean("ticks"), mean("reward"))
-    times, wrong = _selected(errors)
-    _, earned = _selected(rewards)
-    best = earned.max()
-    ticks = Axis("mean decision time, ticks", (0.0, max(30.0, 1.8 * times.max())))
+    errors = curves(task, groups, mean("ticks"), wrong_share, least_y=least)
+    rewards = curves(task, groups, mean("ticks"), mean("reward"))
+    earned = {curve.name: np.reshape(curve.selected, (-1, 2))[:, 1].max() for curve in rewards}
+    best = max(earned.values())
+    # Others, which earn much less, are named in the note.
+    near = {name: reward for name, reward in earned.items() if reward >= best - 0.2 * abs(best)}
+    top = best if bound is None else max(best, bound)
+    margin = 0.6 * (top - min(near.values())) + 0.02
+    lowest = min(near.values()) - margin
+    points: Any = [(a.x, a.y, b.y) for a, b in zip(rewards, errors, strict=True)]
+    x, y, share = np.hstack(points)
+    times, wrong = x[y >= lowest], share[y >= lowest]
+    pad = 0.05 * np.ptp(times) + 0.2
+    ticks = Axis("mean decision time, ticks", (times.min() - pad, times.max() + pad))
     error = Axis(
         "accuracy, % of segments",
-        (max(0.6, 1.1 * wrong.max()), min(0.8e-3, 0.8 * wrong.min())),
+        (min(1.2 * wrong.max(), 0.9), 0.7 * wrong.min()),
         {share: f"{100 * (1 - share):g}" for share in shares},
         log=True,
-        # The mean times at these levels are in tables.
-        levels=(0.05, 0.02),
     )
-    reward = Axis(
-        "mean reward per segment",
-        (min(-0.4 * abs(best), best - 0.5, earned.min() - 0.08), best + 0.08),
-        levels=() if bound is None else (bound,),
-    )
+    rules = [entry for group in groups.values() for entry in group if not entry.learned]
+    levels = {}
+    if rules:
+        rule = max(rules, key=lambda entry: entry.selected)
+        level = float(rule.scores.curve(mean("reward"))[rule.chosen])
+        levels[level] = f"{rule.name} {level:.3f}"
+    if bound is not None:
+        levels[bound] = f"bound {bound:.3f}"
+    reward = Axis("mean reward per segment", (lowest, top + margin), levels=levels)
     cost = f"Mean reward per segment, delay cost {task.options.delay_cost:g} per tick"
+    below = [f"{name} {reward:.3f}" for name, reward in earned.items() if name not in near]
+    note = "\n".join(["not shown:", *below]) if below else ""
     return [
-        Panel("Accuracy against mean decision time", ticks, error, errors),
-        Panel(cost, ticks, reward, rewards),
+        Panel(cost, ticks, reward, rewards, labelled=True, note=note),
+        Panel("Accuracy", ticks, error, errors, labelled=True),
     ]
 
 
@@ -116,7 +133,7 @@ def _unknown_panels(task: Any, groups: Groups) -> list[Panel]:
         ("Delay against wrong changes", "mean delay of a switch, ticks", "full_delay"),
         (reward, "mean reward of a tick", "reward"),
     ):
-        drawn = curves(groups, mean("wrong_changes"), STATISTICS[name], least_x=0.0)
+        drawn = curves(task, groups, mean("wrong_changes"), STATISTICS[name], least_x=0.0)
         rates = [EQUAL_WRONG_CHANGES, *(_selected(drawn)[0] if drawn else [])]
         low, high = min(rates) / 3.0, max(rates) * 3.0
         places = [digit * power for power in (0.01, 0.1, 1.0, 10.0, 100.0) for digit in (1, 2, 5)]
@@ -125,7 +142,7 @@ def _unknown_panels(task: Any, groups: Groups) -> list[Panel]:
             (low, high),
             {rate: f"{rate:g}" for rate in places if low <= rate <= high},
             log=True,
-            levels=(EQUAL_WRONG_CHANGES,),
+            levels={EQUAL_WRONG_CHANGES: ""},
         )
         shown = [
             y
@@ -170,9 +187,10 @@ def comparison_figure(task: Task, groups: Groups, bound: float | None = None) ->
     variances = " and ".join(f"{variance:g}" for variance in options.variances)
     title = f"{task.title}: {options.hypotheses} hypotheses, R = {variances} m²"
     note = "Filled markers: thresholds selected on other episodes."
-    note += "" if bound is None else " Upper dashed line on the right: the bound."
     if not task.waits:
         title += f", segments of {options.law} ticks"
         note += " A switch that is not detected counts until the end of its segment."
+    if task.waits:
+        return curve_figure([[part] for part in parts], (6.8, 7.6), title, note, sharex=True)
     rows = [parts[k : k + 2] for k in range(0, len(parts), 2)]
     return curve_figure(rows, (13.0, 5.2 * len(rows)), title, note)

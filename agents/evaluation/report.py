@@ -50,9 +50,9 @@ class Result:
 
     @property
     def threshold_words(self) -> str:
-        """The selected threshold with its symbol, for tables."""
+        """The selected threshold below its symbol, for tables; "-" without one."""
         has_one = self.scores.symbol and self.threshold < NO_EARLY_DECISION
-        return f"{self.scores.symbol} {self.threshold:g}" if has_one else "no threshold"
+        return f"{self.scores.symbol}\n{self.threshold:g}" if has_one else "-"
 
     @cached_property
     def estimates(self) -> dict[str, Estimate]:
@@ -90,17 +90,19 @@ def scores_table(
     compared = len(results) > 1
     quantiles = "delay_quantiles" in best.scores.extra
     has_bank = any(result.scores.bank for result in results)
-    heads = ["decider     ", *["bank\nread"] * has_bank, *(metric.head for metric in task.metrics)]
+    heads = ["decider", "threshold", *["bank\nread"] * has_bank]
+    heads += [metric.head for metric in task.shown]
     heads += ["delay\n50,90%"] * quantiles + ["reward\ndiff."] * compared
     if compared:
         notes += f"diff.: reward less that of {best.name} on the same episodes.\n"
     notes += "± half width of the 95 % confidence interval.\n"
     rows = []
     for result in results:
-        cells = [result.scores.bank.replace("_", "-\n")] * has_bank
+        cells = [result.threshold_words]
+        cells += [result.scores.bank.replace("_", "-\n")] * has_bank
         cells += [
             estimate_cell(result.estimates[metric.name], metric.scale, metric.digits)
-            for metric in task.metrics
+            for metric in task.shown
         ]
         if quantiles:
             ticks = result.scores.extra["delay_quantiles"][result.chosen]
@@ -112,8 +114,7 @@ def scores_table(
                 if difference is None
                 else estimate_cell(difference, 1.0, reward.digits, sign="+")
             )
-        decider = f"{escape(result.name)}\n[bright_black]{result.threshold_words}[/]"
-        rows.append((decider, *cells))
+        rows.append((escape(result.name), *cells))
     if bound:
         shown = {
             reward.head: estimate_cell(bound["reward"], reward.scale, reward.digits),
@@ -148,9 +149,9 @@ def metrics_table(
     return filled_table(title, ("decider", *(metric.head for metric in metrics)), lines, notes)
 
 
-def result_tables(results: Sequence[Result]) -> list[Table]:
+def result_tables(results: Sequence[Result], confusion: bool = False) -> list[Table]:
     """Return tables of deciders at one threshold each; those of one environment are compared with
-    the first of them.
+    the first of them. With `confusion` each has its confusion matrix too.
     """
     tables = []
     for task in dict.fromkeys(str(result.task) for result in results):
@@ -158,9 +159,8 @@ def result_tables(results: Sequence[Result]) -> list[Table]:
         first = same[0]
         title = f"{first.task.title}: {first.task.size(first.scores.episodes)}"
         tables.append(scores_table(same, first, title))
-        # A larger matrix does not fit into a terminal.
-        if "confusion" in first.scores.extra and first.task.options.hypotheses <= 5:
-            tables += map(confusion_table, same)
+        if confusion:
+            tables += [confusion_table(each) for each in same if "confusion" in each.scores.extra]
     return tables
 
 
@@ -170,6 +170,5 @@ def confusion_table(result: Result) -> Table:
     modes = [mode_name(mode, options.all_modes) for mode in range(options.hypotheses)]
     counts = result.scores.extra["confusion"][result.chosen]
     rows = [(mode, *map(str, row)) for mode, row in zip(modes, counts, strict=True)]
-    decider = f"{result.name}, {result.threshold_words}"
-    title = f"{decider}: true mode in rows, decided mode in columns"
+    title = f"{result.name}: true mode in rows, decided mode in columns"
     return filled_table(title, ("", *modes), rows)

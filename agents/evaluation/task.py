@@ -118,6 +118,20 @@ class Task(ABC):
         return ("shipped",) if self.options.modes is None else ()
 
     @property
+    def several_of_type(self) -> bool:
+        """Whether a type of motion has several modes."""
+        return len(self.options.type_names) < self.options.hypotheses
+
+    @property
+    def shown(self) -> tuple[Metric, ...]:
+        """The metrics of tables: figures of types only where a type has several modes."""
+        return tuple(
+            metric
+            for metric in self.metrics
+            if self.several_of_type or not metric.name.startswith("type_")
+        )
+
+    @property
     @abstractmethod
     def further(self) -> tuple[str, tuple[Metric, ...]]:
         """Title and metrics of a further table; no metrics without one."""
@@ -289,11 +303,6 @@ class UnknownTask(Task):
     def deciders(self) -> tuple[str, ...]:
         """All rules; see `Task.deciders`."""
         return tuple(dict.fromkeys((self.reference, *rules(UNKNOWN))))
-
-    @property
-    def several_of_type(self) -> bool:
-        """Whether a type of motion has several modes."""
-        return len(self.options.type_names) < self.options.hypotheses
 
     @property
     def further(self) -> tuple[str, tuple[Metric, ...]]:

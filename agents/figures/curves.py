@@ -1,7 +1,8 @@
-"""Panels of curves, one curve per decider, with a legend for all panels."""
+"""Panels of curves, one curve per decider, named at its end or in a legend for all panels."""
 
+import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import chain
 from typing import Any
 
@@ -48,8 +49,8 @@ class Axis:
     ticks: Mapping[float, str] | None = None
     # Whether the scale is logarithmic.
     log: bool = False
-    # Values that are marked by dashed lines.
-    levels: tuple[float, ...] = ()
+    # Names of values that are marked by dashed lines; "" for none.
+    levels: Mapping[float, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -62,6 +63,10 @@ class Panel:
     y: Axis
     # In drawing order.
     curves: Sequence[Curve]
+    # Whether names stand at the ends of the curves, and not in the legend.
+    labelled: bool = False
+    # Text at the upper end.
+    note: str = ""
 
 
 def curve_figure(
@@ -84,12 +89,46 @@ def curve_figure(
         axes.set_title(panel.title, fontsize=11)
         if sharing:
             axes.label_outer()
+        if panel.labelled:
+            _label_curves(axes)
+            continue
         lines, names = axes.get_legend_handles_labels()
         named |= dict(zip(names, lines, strict=True))
-    canvas.legend(named.values(), named, loc="outside right upper", frameon=False)
+    if named:
+        canvas.legend(named.values(), named, loc="outside right upper", frameon=False)
     canvas.suptitle(title)
     canvas.supxlabel(note, fontsize=9, color="0.3")
     return canvas
+
+
+def _label_curves(axes: Any) -> None:
+    """Write the names of curves on the right of the axes, each with a line to the last point that
+    is seen, and so far apart that they can be read.
+    """
+    to_axes = axes.transScale + axes.transLimits
+    ends = []
+    for line, name in zip(*axes.get_legend_handles_labels(), strict=True):
+        points = to_axes.transform(line.get_xydata())
+        seen = points[((points >= 0.0) & (points <= 1.0)).all(axis=1)]
+        if len(seen):
+            ends.append((*seen[-1], line.get_color(), name))
+    ends.sort(key=lambda end: end[1])
+    height = 0.0
+    for after, (x, y, colour, name) in zip(range(len(ends))[::-1], ends, strict=True):
+        # Room for the labels that follow.
+        height = min(max(y, height), 1.0 - 0.08 * after)
+        axes.annotate(
+            # The bank, if it is named, in a line of its own.
+            re.sub(r", (?=\S+ bank$)", ",\n", name),
+            (x, y),
+            (1.03, height),
+            xycoords="axes fraction",
+            textcoords="axes fraction",
+            va="center",
+            color=colour,
+            arrowprops={"arrowstyle": "-", "color": colour, "linewidth": 0.7},
+        )
+        height += 0.08
 
 
 def _draw_panel(axes: Any, panel: Panel) -> None:
@@ -106,8 +145,21 @@ def _draw_panel(axes: Any, panel: Panel) -> None:
         if axis.limits is not None:
             axes.set(**{f"{name}lim": axis.limits})
         draw_level = axes.axvline if name == "x" else axes.axhline
-        for level in axis.levels:
-            draw_level(level, color="0.75", linewidth=0.8, linestyle="--", zorder=0)
+        for level, words in axis.levels.items():
+            draw_level(level, color="0.6", linewidth=0.8, linestyle="--", zorder=0)
+            if words:
+                # The highest above its line, others below theirs.
+                above = level == max(axis.levels)
+                axes.annotate(
+                    words,
+                    (0.01, level),
+                    (0, 2 if above else -2),
+                    xycoords=axes.get_yaxis_transform(),
+                    textcoords="offset points",
+                    va="bottom" if above else "top",
+                    color="0.3",
+                )
+    axes.text(0.01, 0.98, panel.note, transform=axes.transAxes, va="top", color="0.3")
 
 
 def _draw_curve(axes: Any, curve: Curve) -> None:

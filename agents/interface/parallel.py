@@ -16,6 +16,7 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 from agents.interface.help_texts import shown_default
 from agents.interface.world_arguments import trusted, trusting
 from hybrid_env.checks import ArgumentError, Count
+from hybrid_env.compiled import COMPILING
 from hybrid_env.extras import explained
 
 Call = Callable[[], Any]
@@ -75,7 +76,10 @@ def _processes(calls: Mapping[Name, Call], jobs: int) -> Iterator[tuple[Name, An
             parallel = joblib.Parallel(
                 return_as="generator_unordered", batch_size=1, pre_dispatch=jobs
             )
-            waiting = [joblib.delayed(_in_worker)(*call, trusted()) for call in left.items()]
+            waiting = [
+                joblib.delayed(_in_worker)(*call, trusted(), quiet=number > 0)
+                for number, call in enumerate(left.items())
+            ]
             try:
                 for name, result in parallel(waiting):
                     del left[name]
@@ -87,10 +91,12 @@ def _processes(calls: Mapping[Name, Call], jobs: int) -> Iterator[tuple[Name, An
     raise _lost()
 
 
-def _in_worker(name: Name, call: Call, trust: bool) -> tuple[Name, Any]:
-    """Run a call. A worker may be that of an earlier command: it trusts what this command
-    trusts.
+def _in_worker(name: Name, call: Call, trust: bool, quiet: bool = True) -> tuple[Name, Any]:
+    """Run a call. A worker may be that of an earlier command: it trusts what this command trusts. A
+    quiet one does not say that it compiles.
     """
+    if quiet:
+        os.environ[COMPILING] = "said"
     with trusting(trust):
         return name, call()
 

@@ -27,8 +27,8 @@ def draw_recording(tracked: TrackedRecording) -> Figure:
     points = tracked.recording.positions[tracked.recording.measured]
     width, height = np.maximum(np.ptp(points, axis=0), 1e-300)
     # [in]
-    heights = (9.0 * float(np.clip(height / width, 0.35, 0.8)), 1.5, 1.5)
-    figure = new_canvas((10.0, sum(heights) + 1.4))
+    heights = (7.0 * float(np.clip(height / width, 0.35, 0.8)), 1.2, 1.2)
+    figure = new_canvas((7.0, sum(heights) + 2.2))
     ground, ribbon, residuals = figure.subplots(3, 1, height_ratios=heights)
     residuals.sharex(ribbon)
     _draw_ground(ground, tracked)
@@ -40,11 +40,22 @@ def draw_recording(tracked: TrackedRecording) -> Figure:
     residuals.set_xlabel(f"t [{tracked.recording.time_unit}]")
     modes = [
         Line2D([], [], color=colour, linewidth=2.5, label=name)
-        for colour, name in zip(mode_colours(tracked), tracked.mode_names(), strict=True)
+        for colour, name in zip(mode_colours(tracked), mode_words(tracked), strict=True)
     ]
     marks = ground.get_legend_handles_labels()[0]
-    figure.legend(handles=[*marks, *modes], loc="outside right upper", frameon=False)
+    figure.legend(handles=[*modes, *marks], loc="outside lower center", ncols=3, frameon=False)
     return figure
+
+
+def mode_words(tracked: TrackedRecording) -> list[str]:
+    """Return the name of every mode in words, with the radius of a turn."""
+    unit = tracked.recording.unit
+    return [
+        f"{mode.type}, radius {abs(mode.signed_radius):.3g} {unit}"
+        if mode.signed_radius
+        else mode.type
+        for mode in tracked.model.all_modes
+    ]
 
 
 def mode_colours(tracked: TrackedRecording) -> list[str]:
@@ -93,7 +104,9 @@ def _draw_ground(axes: Any, tracked: TrackedRecording) -> None:
     marked = positions[first if len(first) <= 60 else first[:0]]
     axes.plot(*marked.T, "o", color="black", markerfacecolor="white", label="new piece")
     axes.plot(*positions[first[0]], "s", color="black", label="first row")
-    draw_forecast(axes, *forecast_at_end(tracked))
+    means, covariances = forecast_at_end(tracked)
+    draw_forecast(axes, means, covariances)
+    axes.update_datalim(means)
     axes.set_aspect("equal", adjustable="datalim")
     axes.autoscale_view()
     axes.set(title=f"{recording.name}: decided pieces", xlabel=f"x [{unit}]", ylabel=f"y [{unit}]")
@@ -151,7 +164,8 @@ def _draw_probabilities(axes: Any, tracked: TrackedRecording) -> None:
     axes.broken_barh(bands, (1.0, 0.04), facecolors="black", transform=above, clip_on=False)
     axes.set(ylim=(0.0, 1.0), ylabel="probability")
     title = "Decided modes (bar) and their probabilities"
-    axes.set_title(title if tracked.live else f"{title}; 95 % of each begin (black)", pad=22.0)
+    title = title if tracked.live else f"{title}; 95 % of each begin (black)"
+    axes.set_title(title, pad=20.0, fontsize=10)
 
 
 def _draw_residuals(axes: Any, tracked: TrackedRecording) -> None:
@@ -164,5 +178,6 @@ def _draw_residuals(axes: Any, tracked: TrackedRecording) -> None:
     for length, style in ((median, ":"), (far, "--")):
         axes.axhline(length, color="black", linestyle=style, linewidth=1.0)
     largest = float(np.quantile(lengths[given], 0.995)) if given.size else 0.0
-    axes.set(ylim=(0.0, max(1.2 * far, 1.1 * largest)), ylabel="residual [sd]")
-    axes.set_title("Normalised residuals (dotted, dashed: median and 99.9 % if the model holds)")
+    axes.set(ylim=(0.0, max(1.2 * far, 1.1 * largest)), ylabel="residual")
+    title = "Residuals in standard deviations (dotted: median, dashed: 99.9 % if the model holds)"
+    axes.set_title(title, fontsize=10)

@@ -75,7 +75,7 @@ def check_plotly() -> Any:
 def map_figure(tracked: TrackedRecording) -> Any:
     """Return a figure of plotly: the measured and the estimated track, with a projection on a map
     of OpenStreetMap, and below it the probabilities over time. Time, mode and probability appear
-    under the pointer.
+    under the pointer. Only the map needs a network.
     """
     recording = tracked.recording
     projected = recording.projection is not None
@@ -89,8 +89,12 @@ def map_figure(tracked: TrackedRecording) -> Any:
     )
     _add_track(figure, tracked)
     _add_probabilities(figure, tracked)
+    title = f"{recording.name}: decided by {tracked.decider}"
+    if projected:
+        words = "The map is loaded from openstreetmap.org: it is white without a network."
+        title += f"<br><sub>{words}</sub>"
     figure.update_layout(
-        title=f"{recording.name}: decided by {tracked.decider}",
+        title=title,
         template="plotly_white",
         hovermode="closest",
         margin={"l": 60, "r": 20, "t": 60, "b": 50},

@@ -1,11 +1,12 @@
 """Make pages of the site of Markdown that can also be read on a forge.
 
 `<!-- file -->` above a link to a Markdown file becomes the text of that file, with links to pages
-of the site; on a forge the link stands alone. `<!-- frame episode.html -->` above a picture becomes
-a frame that shows this file of the site in place of the picture. Links to the README of a study and
-to the file of an example become links to their pages. The outputs of the examples show no notices
-of compilations, which depend on the machine. The links from a module's source code to its
-documentation lead to the anchors that the pages of the reference have.
+of the site; on a forge the link stands alone. The README of every study becomes a page.
+`<!-- frame episode.html -->` above a picture becomes a frame that shows this file of the site in
+place of the picture. Links to the README of a study and to the file of an example become links to
+their pages. The outputs of the examples show no notices of compilations, which depend on the
+machine. The links from a module's source code to its documentation lead to the anchors that the
+pages of the reference have.
 """
 
 import re
@@ -18,24 +19,37 @@ FRAME = re.compile(r"^<!-- frame (\S+) -->\n!\[(.*)\]\(.*\)$", re.MULTILINE)
 # Of the repository, and the page of the site.
 PAGES = {
     r"\]\(((?:\.\./)*)\.\./studies/(\w+)/README\.md": r"](\1studies/\2.md",
+    r"\]\(((?:\.\./)*)\.\./studies/README\.md": r"](\1studies/index.md",
     r"\]\(\.\./CHANGELOG\.md": "](changelog.md",
     r"\]\(((?:\.\./)*)examples/(example_\w+)\.py": r"](\1gallery/\2.rst",
 }
 
-NOTICE = re.compile(r"^    HybridTrack: compiling .*\n", re.MULTILINE)
+NOTICE = re.compile(r"^    HybridTrack: compiling.*\n", re.MULTILINE)
 EMPTY = re.compile(r"^\.\. rst-class:: \S+\n\n \.\. code-block:: none\n\n(?!    )", re.MULTILINE)
 # The page is called as the name that it documents: the last part of its name begins the member.
 BACK = re.compile(r"(api/generated/([\w.]*\.)(\w+)\.html#)[\w.]*?(\3\b[\w.]*\")")
 
 
-def file(path: str) -> str:
-    """The text of a Markdown file, whose path starts from the page.
+def write_studies() -> None:
+    """Write a page for the README of every study, and one for that of all, which include it."""
+    pages = ROOT / "docs/studies"
+    pages.mkdir(exist_ok=True)
+    for readme in (ROOT / "studies").rglob("README.md"):
+        path = readme.relative_to(ROOT).as_posix()
+        name = "index" if readme.parent.name == "studies" else readme.parent.name
+        text = f"```{{include}} ../../{path}\n:relative-docs: ../\n:relative-images:\n```\n"
+        if name == "index":
+            text += "\n```{toctree}\n:hidden:\n:glob:\n\n*\n```\n"
+        page = pages / f"{name}.md"
+        if not page.exists() or page.read_text(encoding="utf-8") != text:
+            page.write_text(text, encoding="utf-8")
 
-    The README of a study is included by Sphinx, with its pictures. A file of the repository's root
-    has links to files that are no pages; these links become text.
+
+def file(path: str) -> str:
+    """The text of a Markdown file of the repository's root.
+
+    Its links to files that are no pages become text.
     """
-    if "studies" in path:
-        return f"```{{include}} {path}\n:relative-docs: ../\n:relative-images:\n```"
     text = (ROOT / Path(path).name).read_text(encoding="utf-8").replace("](docs/", "](")
     for page in ("CHANGELOG", "CONTRIBUTING", "SECURITY"):
         text = text.replace(f"]({page}.md)", f"]({page.lower()}.md)")
@@ -56,7 +70,7 @@ def embed_study(app: Any, path: Path, page: str, source: list[str]) -> None:
     """Replace the links of the README of a study to other studies; a handler of Sphinx's event
     `include-read`.
     """
-    source[0] = re.sub(r"\]\(\.\./(\w+)/README\.md", r"](../../docs/studies/\1.md", source[0])
+    source[0] = re.sub(r"\]\(((?:\.\./)?)(\w+)/README\.md", r"](\1../docs/studies/\2.md", source[0])
 
 
 def mend_back_links(app: Any, page: str, template: str, context: Any, doctree: Any) -> None:
@@ -77,7 +91,8 @@ def outdated(app: Any, env: Any, *pages: Any) -> list[str]:
 
 
 def setup(app: Any) -> dict[str, bool]:
-    """Register the handlers."""
+    """Write the pages of the studies, and register the handlers."""
+    write_studies()
     app.connect("source-read", embed)
     app.connect("include-read", embed_study)
     app.connect("env-get-outdated", outdated)

@@ -34,6 +34,9 @@ except ImportError:
 # Filled at run time.
 config: Any = numba.config
 
+COMPILING = "HYBRIDTRACK_COMPILING"
+"""Environment variable of processes that need not say that they compile: another one has."""
+
 OPTIONS: Any = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
 """Options of all functions. C never calls one."""
 
@@ -173,6 +176,14 @@ def cache_folder(file: str, module: str) -> str:
     return ""
 
 
+def _announce(kept: str) -> None:
+    """Say once that functions are compiled: not in every process that a command starts."""
+    if not os.environ.get(COMPILING):
+        os.environ[COMPILING] = "said"
+        words = f"compiling, for minutes the first time; code is {kept}"
+        print(f"HybridTrack: {words}", file=sys.stderr)
+
+
 @functools.cache
 def _say_refused(parent: str) -> None:
     print(
@@ -184,8 +195,8 @@ def _say_refused(parent: str) -> None:
 
 def prepare(dispatcher: Any, *arguments: Any, announced: bool = True) -> None:
     """Compile a `compiled` function for the types of these arguments before it is called, or load
-    it. One line on stderr announces what takes seconds. Files that cannot be loaded are replaced.
-    Raises `RuntimeError` with NUMBA_DISABLE_JIT.
+    it. One line on stderr announces the first compilation of a process. Files that cannot be loaded
+    are replaced. Raises `RuntimeError` with NUMBA_DISABLE_JIT.
     """
     if config.DISABLE_JIT:
         raise RuntimeError(
@@ -226,8 +237,7 @@ def _compile(
     """Compile or load a function, see `prepare`; `folder` is "" where nothing is kept."""
     files = list(Path(folder).glob(f"*.{name}-*.nb?")) if folder else []
     if announced and not files:
-        kept = f"kept in {folder}" if folder else "not kept: set NUMBA_CACHE_DIR"
-        print(f"HybridTrack: compiling {name}, up to 30 s, {kept}", file=sys.stderr)
+        _announce("kept" if folder else "not kept: set NUMBA_CACHE_DIR")
     try:
         dispatcher.compile(types)
     except Exception as error:

@@ -36,7 +36,7 @@ def test_a_run_is_trained_resumed_and_evaluated(tmp_path):
 
 def lines_of(capsys):
     """What a command says, without progress and what is compiled the first time."""
-    others = ("0:00:", "HybridTrack: compiling ")
+    others = ("0:00:", "HybridTrack: compiling")
     return [line for line in capsys.readouterr().err.splitlines() if not line.startswith(others)]
 
 

@@ -23,5 +23,5 @@ def test_a_reader_that_closes_the_output_ends_the_command_quietly():
 
     assert done.returncode == 1
     # Progress, and what is compiled the first time.
-    others = ("Loading", "0:00:", "HybridTrack: compiling ")
+    others = ("Loading", "0:00:", "HybridTrack: compiling")
     assert [text for text in done.stderr.splitlines() if not text.startswith(others)] == []

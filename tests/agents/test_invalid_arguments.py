@@ -44,7 +44,7 @@ def test_invalid_arguments_are_refused_with_one_line_and_exit_code_2(
     assert main(shlex.split(line)) == 2
     captured = capsys.readouterr()
     # Progress, and what is compiled the first time.
-    others = ("Loading", "0:00:", "HybridTrack: compiling ")
+    others = ("Loading", "0:00:", "HybridTrack: compiling")
     lines = [line for line in captured.err.splitlines() if not line.startswith(others)]
     assert len(lines) == 1
     assert lines[0].startswith("hybridtrack: ")
