@@ -26,7 +26,7 @@ EXPLAINS = 4.0
 # Turn rates that are tried at a time.
 RATES = 48
 # Fewest measurements of a window.
-SMALLEST = 8
+WINDOW_ROWS = 8
 
 
 class _Circles(NamedTuple):
@@ -85,7 +85,7 @@ def find_wind(pieces: Iterable[tuple[FloatArray, FloatArray, bool]]) -> FloatArr
         turn = _Circles(times, positions @ [1.0, 1j if left else -1j], left)
         circles = turn.rate(True) * np.ptp(times) / (2.0 * math.pi)
         parts = np.array_split(np.arange(len(times)), max(int(circles / CIRCLES), 1))
-        windows += [turn.part(rows) for rows in parts if len(rows) >= SMALLEST]
+        windows += [turn.part(rows) for rows in parts if len(rows) >= WINDOW_ROWS]
     if len(windows) < WINDOWS:
         return np.zeros(2)
     drifts = [each.drift() for each in windows]
@@ -118,6 +118,6 @@ def circles_of(
             turned = abs(headings[end - 1] - headings[first])
             ticks = np.arange(piece.ticks[first], piece.ticks[end - 1] + 1)
             ticks = ticks[piece.measured[ticks]]
-            if radius and turned > 2.0 * math.pi and len(ticks) >= SMALLEST:
+            if radius and turned > 2.0 * math.pi and len(ticks) >= WINDOW_ROWS:
                 circles.append((moments[ticks], piece.measurements[ticks], radius > 0.0))
     return circles

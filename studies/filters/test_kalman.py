@@ -1,4 +1,6 @@
-"""Kalman filters of kinematic models against filterpy and Stone Soup."""
+"""Kalman filters of kinematic models against filterpy, chi-square bounds, and what must not
+matter.
+"""
 
 import datetime
 
@@ -6,7 +8,14 @@ import numpy as np
 import pytest
 from filterpy.kalman import KalmanFilter as PeerKalman
 from filterpy.kalman import rts_smoother
-from kinematic_worlds import matrices, positions_of, random_covariance
+from kinematic_worlds import (
+    matrices,
+    mean_bounds,
+    positions_of,
+    random_covariance,
+    simulate,
+    squared_errors,
+)
 
 from studies.filters.kalman import KalmanFilter
 from studies.filters.motion_models import MotionModel
@@ -82,6 +91,48 @@ def test_matrices_equal_stone_soup():
     np.testing.assert_allclose(noise, peer.covar(time_interval=interval).astype(float))
 
 
+@pytest.mark.parametrize(("name", "kind"), [("CV", "discrete"), ("CJ", "continuous")])
+def test_nis_and_nees_are_chi_square_in_the_world_of_the_filter(name, kind):
+    rng = np.random.default_rng(2)
+    model = MotionModel(name, 2, (0.5, 2.0), kind)
+    tracks = 500
+    noise = random_covariance(rng, 2, 4.0)
+    start = random_covariance(rng, model.size)
+    times = np.cumsum(rng.uniform(0.2, 1.5, 20))
+    states, measurements = simulate(rng, model, times, start, noise, tracks)
+    measurements[rng.random((20, tracks)) < 0.1] = np.nan
+    kalman = KalmanFilter(model, noise)
+    kalman.begin_from(np.zeros((tracks, model.size)), start)
+    filtered = run_filter(kalman, measurements, times, begun=0.0)
+    # Innovations are independent; errors of the last tick are independent between tracks.
+    nis = filtered.nis[~np.isnan(filtered.nis)]
+    low, high = mean_bounds(2.0, 4.0, nis.size)
+
+    assert low < nis.mean() < high
+    error = states[-1] - filtered.states[-1]
+    nees = squared_errors(error, filtered.covariances[-1])
+    low, high = mean_bounds(model.size, 2.0 * model.size, tracks)
+    assert low < nees.mean() < high
+    smoothed = smooth(model, filtered, times)
+    error = states[5] - smoothed.states[5]
+    nees = squared_errors(error, smoothed.covariances[5])
+    assert low < nees.mean() < high
+
+
+def test_a_batch_equals_single_tracks():
+    rng = np.random.default_rng(3)
+    kalman = KalmanFilter(MotionModel("CA", 3, 0.3), 4.0, start_deviations=(10.0, 2.0))
+    measurements = rng.normal(0.0, 10.0, (15, 2, 3))
+    measurements[rng.random((15, 2)) < 0.3] = np.nan
+    times = np.cumsum(rng.uniform(0.1, 2.0, (15, 2)), axis=0)
+    batch = run_filter(kalman, measurements, times)
+    for track in range(2):
+        alone = run_filter(kalman, measurements[:, track], times[:, track])
+        for name in ("states", "covariances", "log_likelihoods"):
+            expected = getattr(batch, name)[:, track]
+            np.testing.assert_allclose(getattr(alone, name), expected, rtol=1e-12)
+
+
 def test_a_track_begins_with_its_first_measurement():
     model = MotionModel("CV", 2, 1.0)
     kalman = KalmanFilter(model, (4.0, 9.0), start_deviations=(30.0,))
@@ -93,3 +144,14 @@ def test_a_track_begins_with_its_first_measurement():
     np.testing.assert_allclose(filtered.covariances[1, 0], np.diag([4.0, 900.0, 9.0, 900.0]))
     np.testing.assert_array_equal(filtered.log_likelihoods, 0.0)
     assert np.isnan(filtered.nis).all()
+
+
+def test_forecasts_are_those_of_a_filter_that_only_predicts():
+    measured = np.random.default_rng(3).normal(0.0, 9.0, (25, 2))
+    kalman = KalmanFilter(MotionModel("CV", axes=2, noise=4.0), 25.0, (20.0,))
+    filtered = run_filter(kalman, measured, np.arange(25.0), horizons=(0.0, 3.0))
+    now, later = filtered.forecasts
+
+    np.testing.assert_allclose(now.states, filtered.states)
+    np.testing.assert_allclose(later.positions, filtered.positions + 3.0 * filtered.velocities)
+    assert later.covariances[3, 0, 0] > filtered.covariances[3, 0, 0]

@@ -104,11 +104,13 @@ class ThesisKalmanFilter(KalmanFilter):
 
 def _thesis_filter(name: Any, parameters: Parameters) -> TrackFilter:
     """KF CV, CA or CJ of the thesis: discrete white noise, P0 = 10000 I. After the start only Q / R
-    matters, so that R is that of the Gaussian noise.
+    matters, so that R is that of the Gaussian noise, except with the published parameters.
+    "sigma_q" is taken for a variance: as such it gives the velocity errors of the published order
+    for KF CV.
     """
     model = MotionModel(name, axes=3, noise=parameters["q"], discretization="discrete")
     deviations = [math.sqrt(ThesisKalmanFilter.start_variance)] * (model.order - 1)
-    return ThesisKalmanFilter(model, SIGMA**2, deviations)
+    return ThesisKalmanFilter(model, parameters.get("variances", SIGMA**2), deviations)
 
 
 def _gh_filter(parameters: Parameters) -> TrackFilter:

@@ -34,7 +34,7 @@ def score_radar_data(data: RadarData, folder: Path, trials: int, jobs: int) -> B
     """Return the scores of all filters by noise, those of the thesis first, tuned on the training
     flights.
 
-    A killed run goes on from the trials in the folder; see `tuning.tune` for the arguments.
+    A killed run goes on from the trials in the folder; see `thesis.reproduce` for the arguments.
     """
     robust = tuple(ROBUST)
     names = *THESIS, *UNTRIED, *SOUND

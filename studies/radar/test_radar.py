@@ -1,30 +1,49 @@
 """The radar study: its quick forms, flights, noise, filters and tuning."""
 
 import json
+import os
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from agents import run_command
+from studies.filters.kalman import KalmanFilter
+from studies.filters.motion_models import MotionModel
 from studies.filters.run_filter import run_filter
 from studies.radar import flights as model
 from studies.radar import radars, tuning
 from studies.radar.__main__ import Radar
 from studies.radar.alternatives import GHFilter
-from studies.radar.dataset import load_radar_data, write_radar_data
-from studies.radar.filters import moving_average
-from studies.radar.radars import draw_noise, flight_errors, measure, scan_flights
+from studies.radar.dataset import (
+    HORIZONS,
+    STATISTICS,
+    RadarData,
+    load_radar_data,
+    score_estimates,
+    write_radar_data,
+)
+from studies.radar.filters import CONTENDERS, filter_tracks, moving_average
+from studies.radar.radars import Tracks, draw_noise, flight_errors, measure, scan_flights
+from studies.radar.thesis import METRICS, TABLES, TEST_ERRORS, UNFILTERED, reproduce, steady_gains
 
 pytest.importorskip("pyarrow")
 
 
-def test_the_quick_form_prints_its_tables(tmp_path, capsys):
-    arguments = ["scores", "--quick", "--jobs", "1", "--out", str(tmp_path)]
+@pytest.mark.parametrize("part", ["scores", "thesis"])
+def test_the_quick_form_prints_its_tables(part, tmp_path, capsys):
+    arguments = [part, "--quick", "--jobs", "1", "--out", str(tmp_path)]
     assert run_command(Radar, "radar", arguments) == 0
-    assert (tmp_path / "scores.md").read_text() in capsys.readouterr().out
-    values = json.loads((tmp_path / "scores.json").read_text())
-    assert [len(filters) for filters in values.values()] == [9, 9]
+    assert (tmp_path / f"{part}.md").read_text() in capsys.readouterr().out
+    values = json.loads((tmp_path / f"{part}.json").read_text())
+    if part == "scores":
+        assert [len(filters) for filters in values.values()] == [9, 9]
+        return
+    # Unfiltered, the error is the noise itself: 4 standard errors of a deviation, from about 28
+    # flights x 70 measurements x 3 axes.
+    unfiltered = values["cells"][0]
+    assert unfiltered["published"] == TEST_ERRORS["gaussian"][UNFILTERED][0]
+    assert unfiltered["ours"] == pytest.approx(12.5, rel=4.0 / np.sqrt(2 * 28 * 210) + 0.01)
 
 
 def test_the_same_seed_writes_the_same_bytes_and_the_split_is_that_of_the_study(tmp_path):
@@ -75,6 +94,18 @@ def test_a_tuning_that_is_killed_ends_with_the_same_parameters(tmp_path):
     assert parts == whole
 
 
+@pytest.mark.study
+def test_the_published_pattern(tmp_path):
+    cells = reproduce(folder=tmp_path, jobs=os.cpu_count() or 1).cells
+    ours = cells.set_index(["table", "row", "column"]).ours
+    for noise, table in TABLES.items():
+        unfiltered = ours[table, UNFILTERED].tolist()
+        assert unfiltered == pytest.approx(TEST_ERRORS[noise][UNFILTERED], rel=0.034)
+        position, _, velocity, _ = (ours[table, :, metric] for metric in METRICS)
+        assert position["KF CA"] < position["KF CJ"]
+        assert velocity["g-h"] < velocity["KF CA"] < velocity["KF CJ"]
+
+
 def test_the_g_h_filter_starts_with_two_points_and_anew_after_a_gap():
     measurements = np.array([np.nan, 2.0, np.nan, 8.0, 11.0, np.nan, 50.0, 54.0, 54.5])[:, None]
     times = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 8.0, 9.0, 9.0]
@@ -85,6 +116,63 @@ def test_the_g_h_filter_starts_with_two_points_and_anew_after_a_gap():
 
     assert np.isnan(states[0]).all()
     np.testing.assert_allclose(states[1:], [*expected, [54.0, 4.0], [54.25, 4.0]])
+
+
+@pytest.mark.parametrize("name", ["CV", "CA"])
+def test_constant_gains_are_those_of_a_kalman_filter_in_its_steady_state(name):
+    # Kalata 1984 with the tracking index, deviation of the acceleration times step^2 over deviation
+    # of a measurement; the gain of the acceleration is gamma / (2 step^2) there.
+    step = 0.7
+    deviation = 3.0
+    if name == "CV":
+        index = 0.8
+        root = np.sqrt(index**2 + 8.0 * index)
+        g = ((index + 4.0) * root - index**2 - 8.0 * index) / 8.0
+        h = (index**2 + 4.0 * index - index * root) / 4.0
+        k = None
+    else:
+        g = 0.6
+        h = 2.0 * (2.0 - g) - 4.0 * np.sqrt(1.0 - g)
+        gamma = h**2 / g
+        index = gamma / (2.0 * np.sqrt(1.0 - g))
+        k = gamma / 4.0
+    variance = (index * deviation / step**2) ** 2
+    motion = MotionModel(name, axes=1, noise=variance, discretization="discrete")
+    kalman = KalmanFilter(motion, deviation**2, [30.0] * (motion.order - 1))
+    times = step * np.arange(200.0)
+    noise = np.random.default_rng(0).normal(0.0, deviation, (200, 5, 1))
+    measured = times[:, None, None] ** 2 + noise
+    exact, ours = (
+        run_filter(each, measured, times).states for each in (kalman, GHFilter(1, g, h, k))
+    )
+
+    np.testing.assert_allclose(ours[150:], exact[150:], rtol=1e-9, atol=1e-7)
+    assert np.abs(ours[3] - exact[3]).max() > 0.1
+    np.testing.assert_allclose(steady_gains(name, deviation**2 / variance, step), (g, h))
+
+
+@pytest.mark.parametrize(("name", "k"), [("g-h", 0.0), ("g-h-k", 0.03)])
+def test_the_noise_reduction_ratio_of_an_object_at_rest_is_that_of_the_closed_form(name, k):
+    flights, count = 20, 600
+    times = np.broadcast_to(np.arange(float(count))[:, None], (count, flights))
+    still = np.zeros((count, flights, 3))
+    noise = np.random.default_rng(4).normal(0.0, radars.SIGMA, still.shape)
+    tracks = Tracks(times, noise, still, still)
+    flown = [model.Flight(np.zeros((20 * count, 3)), np.zeros((20 * count, 3)))] * flights
+    data = RadarData(0, {"test": flown}, {"test": {"gaussian": tracks}})
+    g, h = 0.6, 0.25
+    parameters = {"g": g, "h": h} | ({"k": k} if k else {})
+    filtered = filter_tracks(CONTENDERS[name], parameters, tracks, HORIZONS)
+    scores = score_estimates(name, filtered, data, "gaussian")
+    ours = scores.estimate(STATISTICS["noise reduction ratio"])
+    # The variance that constant gains leave of white noise, Mahafza & Elsherbeni 2004, chapter 9.
+    gamma = 2.0 * k
+    numerator = 2.0 * h * (2.0 * g**2 + 2.0 * h - 3.0 * g * h) - g * gamma * (4.0 - 2.0 * g - h)
+    expected = numerator / ((4.0 - 2.0 * g - h) * (2.0 * g * h + g * gamma - 2.0 * gamma))
+
+    # Four standard errors of a deviation, about three measurements being one independent error, and
+    # a start of a few measurements.
+    assert ours.value == pytest.approx(np.sqrt(expected), rel=4.0 / np.sqrt(2 * noise.size / 3.0))
 
 
 def test_errors_are_means_over_the_axes_and_those_of_the_formulas():

@@ -22,8 +22,12 @@ from studies.results import in_parallel
 TRIALS = 60
 
 
-def errors(name: str, parameters: Parameters, tracks: Tracks) -> FloatArray:
-    """`Tracks.errors` of a contender."""
+def errors(name: str | None, parameters: Parameters, tracks: Tracks) -> FloatArray:
+    """`Tracks.errors` of a contender; None takes the measurements as positions, and 0 as
+    velocity.
+    """
+    if name is None:
+        return tracks.errors(tracks.measurements, np.zeros_like(tracks.velocities))
     filtered = filter_tracks(CONTENDERS[name], parameters, tracks)
     return tracks.errors(filtered.positions, filtered.velocities)
 
@@ -102,8 +106,8 @@ def tune_filters(
     robust: Sequence[str] = (),
 ) -> dict[Noise, dict[str, dict[str, Any]]]:
     """Parameters of filters by noise and name, tuned on the training flights, `robust` ones for
-    both noises after the plain CV filter, with which they are compared; arguments as of `tune`,
-    in a number of processes on which the results do not depend.
+    both noises after the plain CV filter, with which they are compared; arguments as of
+    `thesis.reproduce`.
     """
     tuned = partial(
         joblib.delayed(tune), training=training, trials=trials, seed=seed, folder=folder
