@@ -17,8 +17,8 @@ BANK_RADII = tuple(float(radius) for radius in range(1, 11))
 TYPES = {"radii": BANK_RADII, "correctness": "type", "delay_cost": 0.01}
 # Evidence grows as the fourth power of time: at first one more tick of waiting does not pay.
 AWARE = {"bank": "anchor_aware", "decide_every": 8}
-# Turns of many radii, an object of unknown process noise and velocity, and heavy tails; three radii
-# and one process noise are what the bank is told.
+# The object has other radii and process noise, heavy tails and an unknown velocity. The bank is the
+# smallest one among the best for the MSPRT of types, see `studies/road`.
 ROAD = {
     "radii": (2.5, 5.0, 10.0),
     "process_variance": 0.01,
@@ -45,7 +45,7 @@ REWARD_THRESHOLDS = {
     "HybridTrack-v0": 3.56,
     "HybridTrackRaw-v0": 3.56,
     "HybridTrackBank-v0": 4.85,
-    "HybridTrackRoad-v0": 2.0,
+    "HybridTrackRoad-v0": 2.3,
     "HybridTrackPublished-v0": 3.83,
     "HybridTrackPublishedBank-v0": 4.80,
     "HybridTrackQuickest-v0": 485.0,
