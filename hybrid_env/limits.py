@@ -55,7 +55,7 @@ def check_initial_error(value: Any, name: str = "initial_error") -> tuple[float,
     return x, y
 
 
-def check_range(value: Any, name: str = "object_variance") -> float | tuple[float, float]:
+def check_variance_range(value: Any, name: str = "object_variance") -> float | tuple[float, float]:
     """Return a number of at least 0, or two numbers above 0, the smaller one first. Equal numbers
     become one.
     """

@@ -16,7 +16,7 @@ from hybrid_env.limits import (
     Ticks,
     axis_variances,
     check_initial_error,
-    check_range,
+    check_variance_range,
     check_variances,
     distinct_radii,
 )
@@ -82,7 +82,7 @@ class ModelOptions(Checked):
     heading: Annotated[float, Interval(ge=-1e6, le=1e6), Unit("rad")] | None = None
     tau: Annotated[Quantity, Unit("s")] = 0.1
     process_variance: Annotated[QuantityOrZero, Unit("m^2/s^2")] = 0.001
-    object_variance: Annotated[float | tuple[float, float], check_range] | None = None
+    object_variance: Annotated[float | tuple[float, float], check_variance_range] | None = None
     drift_variance: Annotated[QuantityOrZero, Unit("m^2")] = 0.0
     measurement_variance: Annotated[float | tuple[float, float], check_variances] = 0.1
     noise: Annotated[str | Noise, parse_noise] = "gaussian"
