@@ -314,10 +314,13 @@ class HybridTrackEnv(TrackEnv):
     |---|---|---|---|---|---|
     | HybridTrack-v0 | S, L5, R5 | anchor_aware | 8 | all | declared |
     | HybridTrackBank-v0 | S, L1 .. L10, R1 .. R10 | anchor_aware | 8 | types | bank |
+    | HybridTrackRoad-v0 | S, L and R of 2.5, 5, 10 | anchor_aware | 8 | all | declared |
     | HybridTrackPublished-v0 | S, L5, R5 | published | 1 | all | declared |
     | HybridTrackPublishedBank-v0 | S, L1 .. L10, R1 .. R10 | published | 1 | all | declared |
 
-    HybridTrackRaw-v0 is HybridTrack-v0 with `observation="raw"`.
+    HybridTrackRaw-v0 is HybridTrack-v0 with `observation="raw"`. In HybridTrackRoad-v0 the object
+    moves otherwise than the bank is told: process noise drawn for every episode, other radii, heavy
+    tails and an unknown velocity at the start; the type is rewarded.
 
     ## References
     Golubkov, Tsyganov and Tsyganova 2018 (model, bank, algorithm ATE); Wald 1947 (sequential

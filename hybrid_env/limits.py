@@ -53,3 +53,16 @@ def check_initial_error(value: Any, name: str = "initial_error") -> tuple[float,
     values = elements(value)
     x, y = checked(name, [0, 0] if values == [0] else values, tuple[QuantityOrZero, QuantityOrZero])
     return x, y
+
+
+def check_variance_range(value: Any, name: str = "object_variance") -> float | tuple[float, float]:
+    """Return a number of at least 0, or two numbers above 0, the smaller one first. Equal numbers
+    become one.
+    """
+    values = elements(value)
+    if values is not value and len(values) == 1:
+        return float(checked(name, values[0], QuantityOrZero))
+    smallest, largest = checked(name, value, tuple[Quantity, Quantity])
+    if smallest > largest:
+        raise reject(name, value, "(smallest, largest)")
+    return smallest if smallest == largest else (smallest, largest)

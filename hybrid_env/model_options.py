@@ -16,6 +16,7 @@ from hybrid_env.limits import (
     Ticks,
     axis_variances,
     check_initial_error,
+    check_variance_range,
     check_variances,
     distinct_radii,
 )
@@ -43,7 +44,8 @@ class ModelOptions(Checked):
             a uniform one.
         tau: length of a tick [s].
         process_variance: Q, variance of the noise added to each velocity at every tick [m^2/s^2].
-        object_variance: the same of the object, of which the filters are not told; None is Q.
+        object_variance: the same of the object, of which the filters are not told; (smallest,
+            largest) draws it for every episode, uniform in its logarithm. None is Q.
         drift_variance: variance of the drift of each measured coordinate in a tick [m^2], as of a
             GPS, that anchor-aware and IMM filters assume; measurements have none.
         measurement_variance: R, variance of each measured coordinate [m^2], one number or (x, y).
@@ -80,7 +82,7 @@ class ModelOptions(Checked):
     heading: Annotated[float, Interval(ge=-1e6, le=1e6), Unit("rad")] | None = None
     tau: Annotated[Quantity, Unit("s")] = 0.1
     process_variance: Annotated[QuantityOrZero, Unit("m^2/s^2")] = 0.001
-    object_variance: Annotated[QuantityOrZero, Unit("m^2/s^2")] | None = None
+    object_variance: Annotated[float | tuple[float, float], check_variance_range] | None = None
     drift_variance: Annotated[QuantityOrZero, Unit("m^2")] = 0.0
     measurement_variance: Annotated[float | tuple[float, float], check_variances] = 0.1
     noise: Annotated[str | Noise, parse_noise] = "gaussian"
@@ -130,7 +132,7 @@ class ModelOptions(Checked):
         if smallest > min(radii, default=math.inf):
             allowed = "at most 100 rad per tick (speed * tau / radius)"
             raise reject("radii", min(radii), f"at least {smallest:g}: {allowed}")
-        fastest = max(self.process_variance, self.object_variance or 0.0, self.initial_error[1])
+        fastest = max(self.process_variance, self.object_variances[1], self.initial_error[1])
         motion = max(self.tau * max(self.speed, math.sqrt(fastest)), pushed)
         motion = max(motion, math.sqrt(self.drift_variance))
         # Standard deviations of a measurement in a tick and in a radius; a float64 has 16 digits.
@@ -190,6 +192,12 @@ class ModelOptions(Checked):
         return axis_variances(self.measurement_variance)
 
     @property
+    def object_variances(self) -> tuple[float, float]:
+        """Smallest and largest variance of the process noise of an object [m^2/s^2]."""
+        flown = self.process_variance if self.object_variance is None else self.object_variance
+        return flown if isinstance(flown, tuple) else (flown, flown)
+
+    @property
     def start_variances(self) -> FloatArray:
         """Variances of the first estimate [x, vx, y, vy], (4,) [m^2, m^2/s^2]."""
         assert isinstance(self.initial_error, tuple)
@@ -228,7 +236,7 @@ class ModelOptions(Checked):
             if name in names and isinstance(value, (float, int))
         }
         position, velocity = self.initial_error
-        flown = self.process_variance if self.object_variance is None else self.object_variance
+        smallest, largest = self.object_variances
         freedom = self.likelihood.freedom if isinstance(self.likelihood, StudentNoise) else 0.0
         return {
             **plain,
@@ -237,7 +245,8 @@ class ModelOptions(Checked):
             "heading": math.nan if self.heading is None else self.heading,
             "initial_position": position,
             "initial_velocity": velocity,
-            "process_deviation": math.sqrt(flown),
+            "process_deviation": math.sqrt(smallest),
+            "process_range": 0.5 * math.log(largest / smallest) if largest > smallest else 0.0,
             "deviation_x": np.sqrt(self.variances[0]),
             "deviation_y": np.sqrt(self.variances[-1]),
             "variance_x": self.variances[0],

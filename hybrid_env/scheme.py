@@ -1,7 +1,8 @@
 """Schemes: the mode, length and radius of every segment of a trajectory. A scheme is written as in
 the papers, one word per segment: "L50r3 R75r5 S50" is a left turn of 50 ticks with a radius of 3 m,
-a right turn of 75 ticks with a radius of 5 m, and a straight line of 50 ticks. With modes of the
-user a segment is its length and the name of its mode: "50 straight, 30 stop, 40 left 5".
+a right turn of 75 ticks with a radius of 5 m, and a straight line of 50 ticks. "random 6x50-100
+radii 3 4" has six random segments, with turns of these radii. With modes of the user a segment is
+its length and the name of its mode: "50 straight, 30 stop, 40 left 5".
 """
 
 import re
@@ -93,7 +94,10 @@ class RandomScheme(Checked):
     radii: Annotated[tuple[float, ...], distinct_radii] | None = None
 
     def __str__(self) -> str:
-        return f"random {self.segments}x{self.lengths[0]}-{self.lengths[1]}"
+        lengths = f"random {self.segments}x{self.lengths[0]}-{self.lengths[1]}"
+        if self.radii is None:
+            return lengths
+        return f"{lengths} radii {' '.join(f'{radius:.15g}' for radius in self.radii)}"
 
 
 Scheme: TypeAlias = FixedScheme | RandomScheme
@@ -115,10 +119,13 @@ def parse_scheme(value: "str | Scheme", name: str = "scheme") -> Scheme:
     # A pattern would try every place in a long space.
     text = " ".join(value.split()) if isinstance(value, str) else ""
     text = SCHEMES.get(text, text)
-    if random := re.fullmatch(r"random(?: (\d{1,20})x(\d{1,20})(?:-(\d{1,20}))?)?", text):
+    lengths = r"(?: (\d{1,20})x(\d{1,20})(?:-(\d{1,20}))?)?"
+    radius = r" \d+(?:\.\d+)?(?:e[+-]?\d+)?"
+    if random := re.fullmatch(rf"random{lengths}(?: radii((?:{radius})+))?", text):
+        radii = tuple(map(float, random[4].split())) if random[4] else None
         if random[1] is None:
-            return RandomScheme()
-        return RandomScheme(int(random[1]), (int(random[2]), int(random[3] or random[2])))
+            return RandomScheme(radii=radii)
+        return RandomScheme(int(random[1]), (int(random[2]), int(random[3] or random[2])), radii)
     pieces = []
     named = re.search(r"\d [a-z]", text)
     words = re.split(" ?[,;] ?" if named else "[ ,;]+", text)

@@ -116,7 +116,7 @@ def simulate(
     parameters = np.zeros(1, PARAMETERS)
     parameters["tau"] = checked("tau", tau, Quantity)
     variance = checked("process_variance", process_variance, QuantityOrZero)
-    parameters["process_deviation"] = math.sqrt(variance)
+    blocks["process_deviation"] = math.sqrt(variance)
     parameters["deviation_x"], parameters["deviation_y"] = deviations[[0, -1]]
     for name, value in parse_noise(noise).parameters().items():
         parameters[name] = value

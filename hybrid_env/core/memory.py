@@ -113,6 +113,8 @@ TICK_NAMES = ("segment", "tick", "true_mode", "truth", "measurement", "anchor", 
 BLOCK = lanes_of(
     # [x, vx, y, vy] [m, m/s].
     truth=(float, 4),
+    # sqrt(Q) of the object in this episode [m/s].
+    process_deviation=float,
     measurement=MEASURED_FIELDS["measurement"],
     # Of the active filter, or merged over the bank.
     estimate=(float, 4),
@@ -581,8 +583,10 @@ PARAMETERS = np.dtype(
                 "drift_variance",
                 "variance_x",
                 "variance_y",
-                # sqrt(Q) of the object [m/s], and sqrt(R) of each axis [m].
+                # Smallest sqrt(Q) of an object [m/s], logarithm of the largest one over it, and
+                # sqrt(R) of each axis [m].
                 "process_deviation",
+                "process_range",
                 "deviation_x",
                 "deviation_y",
                 # Variances of the first estimate: over R, and [m^2/s^2].

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from hybrid_env.core.compilation import formula, internal, seldom, stay_apart
+from hybrid_env.core.elementary import exp
 from hybrid_env.core.memory import SEGMENT_COLUMNS, FloatArray, Records, state_of, write_lane
 from hybrid_env.core.motion import (
     heading_vector,
@@ -27,10 +28,14 @@ SIGNED_RADIUS, MODE, LENGTH = range(len(SEGMENT_COLUMNS))
 
 @internal
 def draw_first_estimate(block: Any, noise: FloatArray, lane: int, setting: Any) -> None:
-    """Set the initial state of the object of a lane, and draw the first estimate, whose error has
-    the normal distribution whose covariance the bank may use. noise: (7, LANES),
-    overwritten.
+    """Set the initial state of the object of a lane and its process noise, and draw the first
+    estimate, whose error has the normal distribution whose covariance the bank may use. noise: (7,
+    LANES), overwritten.
     """
+    deviation = setting.process_deviation
+    if setting.process_range > 0.0:
+        deviation *= exp(setting.process_range * uniform(block.random_state, lane))
+    block.process_deviation[lane] = deviation
     heading = setting.heading
     if math.isnan(heading):
         heading = 2.0 * math.pi * uniform(block.random_state, lane)
@@ -96,7 +101,7 @@ def _move_linear(
     if motion.own_noise:
         drawn = _own_noise(block, lane, noise, column, motion, setting)
     else:
-        deviation = setting.process_deviation
+        deviation = block.process_deviation[lane]
         drawn = (0.0, deviation * noise[0, column], 0.0, deviation * noise[1, column], 0.0, 0.0)
     after = combination((1.0, 1.0), (linear_motion(motion, before), drawn))
     write_lane(truth, lane, after[:4])
@@ -127,9 +132,9 @@ def move_lane(
     x, vx = propagate(truth[0, lane], truth[1, lane], centre[0, lane], C, S, W)
     y, vy = propagate(truth[2, lane], truth[3, lane], centre[1, lane], C, S, W)
     truth[0, lane] = x
-    truth[1, lane] = vx + setting.process_deviation * noise[0, column]
+    truth[1, lane] = vx + block.process_deviation[lane] * noise[0, column]
     truth[2, lane] = y
-    truth[3, lane] = vy + setting.process_deviation * noise[1, column]
+    truth[3, lane] = vy + block.process_deviation[lane] * noise[1, column]
     block.measurement[0, lane] = x + setting.deviation_x * noise[2, column]
     block.measurement[1, lane] = y + setting.deviation_y * noise[3, column]
     block.tick[lane] += 1

@@ -119,6 +119,7 @@ class SegmentDecider(NetworkDecider):
 
     network: ClassVar[Any]
     """Creates the network with a number of hidden units."""
+    every_tick = True
     symbol = "alpha"
     thresholds = 0.6, 0.4, 0.25, 0.15, 0.1, 0.08, 0.05, 0.03, 0.02, 0.01, 3e-3, 3e-4, 1e-5
     default = 0.02
@@ -250,8 +251,8 @@ class SegmentAlgorithm(NetworkAlgorithm):
     decider: ClassVar[type[SegmentDecider]]
 
     def make_env(self, **changes: Any) -> HybridTrackVectorEnv:
-        """Return the environment of a round, with some changed options."""
-        options = vars(self.world) | changes
+        """Return the environment of a round, which asks at every tick, with changed options."""
+        options = vars(self.world) | {"decide_every": 1} | changes
         return HybridTrackVectorEnv(self.settings.n_envs, tick_info=False, **options)
 
     def prepare(self) -> None:

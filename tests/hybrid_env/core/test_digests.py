@@ -66,6 +66,11 @@ DIGESTS = [
         "fdce2214f376fd532904e5d6a98cde8c57c4d7ad6442016c568764020698340f",
         id="types that follow the bank",
     ),
+    pytest.param(
+        ENVIRONMENTS["HybridTrackRoad-v0"] | {"decide_every": 1},
+        "34de7e7c816a03f586e1b7b258ba5d52288db8afdcd72cb8ded5152762f0f3d2",
+        id="drawn process noise",
+    ),
 ]
 
 

@@ -1,0 +1,1 @@
+"""Does learning pay where no bank tells the truth?"""

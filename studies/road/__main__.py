@@ -1,0 +1,60 @@
+"""Command line of the study: `python -m studies.road`."""
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import joblib
+import tyro
+
+from agents import run_command
+from studies.results import in_parallel, save_results
+from studies.road import study
+
+
+@dataclass(kw_only=True)
+class Road:
+    """Evaluate rules with selected process noise and threshold, and agents, in HybridTrackRoad-v0.
+
+    The default takes about half an hour on one core.
+    """
+
+    agents: Annotated[tuple[str, ...], tyro.conf.Positional] = ("shipped",)
+    """Agents, as run folders."""
+    rules: tuple[str, ...] = study.RULES
+    """Rules, whose process noise and threshold are selected."""
+    banks: bool = False
+    """Select the bank instead."""
+    episodes: int = 1500
+    """Number of episodes of the report, six segments each."""
+    selection: int = 200
+    """Number of other episodes, on which everything is selected."""
+    jobs: int = -1
+    """Number of processes; -1 for one on each core. The results do not depend on it."""
+    quick: bool = False
+    """Evaluate two rules and no reference that is told, on 10 episodes."""
+    out: Path = Path("results")
+    """Folder for road.md, road.json and road.png, or banks.md and banks.json."""
+
+    def run(self) -> None:
+        """Evaluate the deciders, print the table and write the files."""
+        episodes, selection = (10, 10) if self.quick else (self.episodes, self.selection)
+        if self.banks:
+            banks = study.select_bank(selection, self.jobs)
+            save_results(self.out / "banks", study.bank_table(banks), banks)
+            return
+        rules = ("at-once", "msprt-type") if self.quick else self.rules
+        rows = study.evaluate(self.agents, rules, episodes, selection, self.jobs)
+        names = () if self.quick else study.TOLD
+        calls = [joblib.delayed(study.told)(name, episodes, selection) for name in names]
+        rewards = in_parallel(calls, self.jobs, "told")
+        rows += [
+            {"decider": f"{name}, told the motion", "reward": reward}
+            for name, reward in zip(names, rewards, strict=True)
+        ]
+        save_results(self.out / "road", study.markdown(rows), rows, study.figure(rows))
+
+
+if __name__ == "__main__":
+    sys.exit(run_command(Road, "python -m studies.road"))

@@ -1,0 +1,185 @@
+"""Selection of the bank of HybridTrackRoad-v0, and deciders on the episodes of the report.
+
+Thresholds, process noise and the bank are selected on episodes whose seeds begin at `SELECTION`.
+Those of the report are smaller, and those of training larger.
+"""
+
+import itertools
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from joblib import delayed
+from matplotlib.figure import Figure
+
+from agents import Task, find_decider, sweep, task_of
+from baselines import Estimate, Scores
+from studies.pictures import draw_estimates
+from studies.results import in_brackets, in_parallel, markdown_table
+
+ROAD = "HybridTrackRoad-v0"
+# First seeds of selection, and of training, see `baselines.rules.seeds`.
+SELECTION = 1_000_000_000
+TRAINING = 10**12
+RADII = ((5.0,), (3.5, 7.0), (2.5, 5.0, 10.0), (2.5, 3.5, 5.0, 7.0, 10.0))
+# [m^2/s^2]
+PROCESS = (3e-3, 1e-2, 3e-2)
+LIKELIHOODS = ("gaussian", "student_t 50", "student_t 4")
+ALPHAS = (0.4, 0.3, 0.2, 0.15, 0.1, 0.05, 0.02, 5e-3)
+"""Thresholds of error probabilities."""
+RULES = ("at-once", "ate", "sprt", "msprt", "msprt-type", "propagated", "propagated-robust")
+TOLD = ("msprt-type", "shipped")
+"""Deciders that are told the motion of the episode, of which the best one is the reference."""
+LEVELS = 10
+"""Number of process variances of the object for which deciders are told it."""
+
+# Name, options and threshold of a decider.
+Setting = tuple[str, dict[str, Any], float]
+
+
+def few_thresholds(decider: Any) -> tuple[float, ...]:
+    """Return the thresholds to select from; agents that learn when to stop keep their own."""
+    return ALPHAS if decider.symbol == "alpha" else (decider.default,)
+
+
+def selected(
+    name: str, candidates: Sequence[dict[str, Any]], episodes: int
+) -> list[tuple[float, Setting]]:
+    """Return the reward of a decider with each of several options, at the best threshold of the
+    episodes of selection.
+    """
+    found = []
+    for options in candidates:
+        task = task_of(ROAD, options)
+        decider = find_decider(name, task.options)
+        scores = sweep(task, decider, episodes, SELECTION, thresholds=few_thresholds(decider))
+        best = task.best(scores)
+        reward = scores.curve(task.statistic("reward"))[best]
+        found.append((float(reward), (name, options, scores.thresholds[best])))
+    return found
+
+
+def select_bank(episodes: int, jobs: int) -> list[dict[str, Any]]:
+    """Return the reward of the MSPRT of types on every bank, the best first."""
+    banks = [
+        {"radii": radii, "process_variance": variance, "likelihood": law}
+        for radii, variance, law in itertools.product(RADII, PROCESS, LIKELIHOODS)
+    ]
+    calls = [delayed(selected)("msprt-type", [bank], episodes) for bank in banks]
+    rows = [
+        {**options, "threshold": threshold, "reward": reward}
+        for [(reward, (_, options, threshold))] in in_parallel(calls, jobs, "banks")
+    ]
+    return sorted(rows, key=lambda row: -row["reward"])
+
+
+def evaluate(
+    agents: Sequence[str], rules: Sequence[str], episodes: int, selection: int, jobs: int
+) -> list[dict[str, Any]]:
+    """Return rows of rules and agents on the episodes of the report, in this order.
+
+    Rules have the process noise and the threshold that earn most in selection, agents the bank of
+    the id. Each row has the paired difference to the best rule.
+    """
+    banks = [{"process_variance": variance} for variance in PROCESS]
+    calls = [delayed(selected)(name, banks, selection) for name in rules]
+    calls += [delayed(selected)(name, [{}], selection) for name in agents]
+    settings = [max(found)[1] for found in in_parallel(calls, jobs, "selection")]
+    made = in_parallel([delayed(scores_of)(each, episodes) for each in settings], jobs, "report")
+    goal = task_of(ROAD).statistic("reward")
+    best = max(made[: len(rules)], key=lambda scores: scores.curve(goal)[0])
+    return [
+        {
+            "decider": Path(name).name,
+            **options,
+            "threshold": threshold,
+            "reward": scores.estimate(goal, 0),
+            "difference": scores.difference(best, goal, 0, 0),
+        }
+        for (name, options, threshold), scores in zip(settings, made, strict=True)
+    ]
+
+
+def scores_of(setting: Setting, episodes: int) -> Scores:
+    """Return the scores of a decider on the first episodes of the report."""
+    name, options, threshold = setting
+    task = task_of(ROAD, options)
+    decider = find_decider(name, task.options)
+    return sweep(task, decider, episodes, 0, thresholds=(threshold,))
+
+
+def told_tasks() -> list[Task]:
+    """Return tasks in which deciders are told the process noise and the velocity of the object: one
+    for each of several process variances, which are drawn elsewhere.
+    """
+    smallest, largest = task_of(ROAD).options.object_variances
+    shares = (np.arange(LEVELS) + 0.5) / LEVELS
+    variances = (smallest * (largest / smallest) ** shares).tolist()
+    error = task_of("HybridTrack-v0").options.initial_error
+    return [
+        task_of(ROAD, {"object_variance": each, "process_variance": each, "initial_error": error})
+        for each in variances
+    ]
+
+
+def told(name: str, episodes: int, selection: int) -> Estimate:
+    """Return the reward of a decider that is told the motion, at the threshold of selection."""
+    tasks = told_tasks()
+    deciders = [find_decider(name, task.options) for task in tasks]
+    goal = tasks[0].statistic("reward")
+    thresholds = few_thresholds(deciders[0])
+
+    def each_scores(count: int, seed: int, tried: Sequence[float]) -> list[Scores]:
+        return [
+            sweep(task, decider, -(-count // LEVELS), seed, thresholds=tried)
+            for task, decider in zip(tasks, deciders, strict=True)
+        ]
+
+    curves = [scores.curve(goal) for scores in each_scores(selection, SELECTION, thresholds)]
+    best = thresholds[int(np.mean(curves, axis=0).argmax())]
+    parts = [scores.estimate(goal, 0) for scores in each_scores(episodes, 0, (best,))]
+    value = float(np.mean([part.value for part in parts]))
+    half = float(np.sqrt(np.sum([(part.high - part.low) ** 2 for part in parts]))) / 2 / LEVELS
+    return Estimate(value, value - half, value + half)
+
+
+def bank_table(rows: Sequence[dict[str, Any]]) -> str:
+    """Return a table of banks, the best first."""
+    heads = ["radii, m", "Q", "likelihood", "threshold", "reward in selection"]
+    lines = [
+        [
+            " ".join(f"{radius:g}" for radius in row["radii"]),
+            f"{row['process_variance']:g}",
+            row["likelihood"],
+            f"{row['threshold']:g}",
+            f"{row['reward']:.3f}",
+        ]
+        for row in rows
+    ]
+    return markdown_table(heads, lines)
+
+
+def markdown(rows: Sequence[dict[str, Any]]) -> str:
+    """Return a table of deciders."""
+    heads = ["decider", "Q", "threshold", "reward", "less the best rule"]
+    lines = []
+    for row in rows:
+        settings = (
+            f"{row[name]:g}" if name in row else "-" for name in ("process_variance", "threshold")
+        )
+        difference = in_brackets(row["difference"], 3, "+") if "difference" in row else "-"
+        lines.append([row["decider"], *settings, in_brackets(row["reward"], 3), difference])
+    return markdown_table(heads, lines)
+
+
+def figure(rows: Sequence[dict[str, Any]]) -> Figure:
+    """Draw the rewards of the deciders."""
+    picture = Figure((6.4, 0.35 * len(rows) + 0.9), layout="constrained")
+    axes = picture.subplots()
+    places = np.arange(len(rows))[::-1]
+    draw_estimates(axes, places, [row["reward"] for row in rows], horizontal=True, fmt="o")
+    axes.set_yticks(places, [row["decider"] for row in rows])
+    axes.set_xlabel("reward of a segment, with its 95 % interval")
+    axes.grid(axis="x", alpha=0.3)
+    return picture

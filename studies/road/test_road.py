@@ -1,0 +1,65 @@
+"""The id whose episodes draw the motion: disjoint episodes, selection and report."""
+
+import json
+
+import numpy as np
+import pytest
+
+from agents import find_decider, sweep, task_of
+from studies.road import study
+
+
+def test_selection_training_and_report_have_no_episode_in_common(monkeypatch):
+    used = []
+
+    def seeds(task, decider, episodes, seed, **options):
+        used.append((seed, seed + episodes))
+        return sweep(task, decider, 2, seed, **options)
+
+    monkeypatch.setattr(study, "sweep", seeds)
+    monkeypatch.setattr(study, "LEVELS", 2)
+    study.selected("msprt-type", [{}], 1000)
+    study.scores_of(("at-once", {}, 1.0), 100_000)
+    study.told("at-once", 100_000, 1000)
+    selection, report, *told = used
+
+    assert report[1] <= selection[0] < selection[1] <= study.TRAINING
+    assert {first for first, _ in told} == {report[0], selection[0]}
+
+
+def test_the_bank_of_the_id_is_among_those_to_select_from():
+    options = task_of(study.ROAD).options
+
+    assert options.radii in study.RADII
+    assert options.process_variance in study.PROCESS
+    assert str(options.likelihood) in study.LIKELIHOODS
+
+
+def test_deciders_that_are_told_read_the_process_noise_of_the_object():
+    tasks = [task.options for task in study.told_tasks()]
+    drawn = task_of(study.ROAD).options
+
+    variances = [options.object_variance for options in tasks]
+    assert variances == [options.process_variance for options in tasks] == sorted(variances)
+    assert drawn.object_variances[0] < min(variances) < max(variances) < drawn.object_variances[1]
+    logs = np.log(drawn.object_variances)
+    assert np.mean(np.log(variances)) == pytest.approx(logs.mean())
+
+
+def test_a_rule_with_selected_options_is_the_best_of_them_in_selection():
+    banks = [{"process_variance": variance} for variance in (0.001, 0.01)]
+    rewards, settings = zip(*study.selected("msprt-type", banks, 20), strict=True)
+    task = task_of(study.ROAD, banks[1])
+    decider = find_decider("msprt-type", task.options).at(settings[1][2])
+    scores = sweep(task, decider, 20, study.SELECTION, thresholds=(decider.threshold,))
+
+    assert rewards[1] == scores.curve(task.statistic("reward"))[0]
+
+
+def test_the_quick_form_compares_agents_and_rules(tmp_path, run_study):
+    printed = run_study("road", "--quick", "--jobs", "1", "--out", str(tmp_path))
+    rows = json.loads((tmp_path / "road.json").read_text())
+
+    assert (tmp_path / "road.md").read_text() in printed
+    assert [row["decider"] for row in rows] == ["at-once", "msprt-type", "shipped"]
+    assert max(row["difference"]["value"] for row in rows[:2]) == 0.0
