@@ -51,7 +51,7 @@ def curves(
             [[entry.scores.curve(of)[entry.chosen] for of in (x, y)] for entry in group]
         )
         title = name if len(group) == 1 else f"{name}, {len(group)} seeds"
-        if scores.bank != getattr(task.options, "bank", ""):
+        if scores.bank and scores.bank != task.options.bank:
             title += f", {scores.bank.replace('_', '-')} bank"
         drawn.append(
             Curve(
@@ -94,8 +94,7 @@ def _announced_panels(task: Any, groups: Groups, bound: float | None) -> list[Pa
     points: Any = [(a.x, a.y, b.y) for a, b in zip(rewards, errors, strict=True)]
     x, y, share = np.hstack(points)
     times, wrong = x[y >= lowest], share[y >= lowest]
-    pad = 0.05 * np.ptp(times) + 0.2
-    ticks = Axis("mean decision time, ticks", (times.min() - pad, times.max() + pad))
+    ticks = Axis("mean decision time, ticks", (times.min() - 1.0, times.max() + 1.0))
     error = Axis(
         "accuracy, % of segments",
         (min(1.2 * wrong.max(), 0.9), 0.7 * wrong.min()),
