@@ -110,15 +110,19 @@ def scores_of(setting: Setting, episodes: int) -> Scores:
 
 
 def told_tasks() -> list[Task]:
-    """Return tasks in which deciders are told the process noise and the velocity of the object: one
-    for each of several process variances, which are drawn elsewhere.
+    """Return tasks in which deciders are told the process noise, the radii and the velocity of the
+    object: one for each of several process variances, which are drawn elsewhere.
     """
-    smallest, largest = task_of(ROAD).options.object_variances
+    options = task_of(ROAD).options
+    smallest, largest = options.object_variances
     shares = (np.arange(LEVELS) + 0.5) / LEVELS
     variances = (smallest * (largest / smallest) ** shares).tolist()
-    error = task_of("HybridTrack-v0").options.initial_error
+    known = {
+        "radii": options.scheme.radii,
+        "initial_error": task_of("HybridTrack-v0").options.initial_error,
+    }
     return [
-        task_of(ROAD, {"object_variance": each, "process_variance": each, "initial_error": error})
+        task_of(ROAD, {"object_variance": each, "process_variance": each, **known})
         for each in variances
     ]
 
