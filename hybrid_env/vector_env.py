@@ -92,6 +92,8 @@ class TrackVectorEnv(OwnState, VectorEnv[Float32Array, IntArray, AnyArray]):
         self._steps = np.zeros(self.num_envs, np.int64)
         limit = largest if max_episode_steps in (None, -1) else max_episode_steps
         self._most_steps = check_integer("max_episode_steps", limit)
+        # Asked at every step.
+        self._limited = self.options.longest_episode >= self._most_steps
         # Shared by the info of all steps, and therefore read-only.
         self._every_track = np.ones(self.num_envs, bool)
         self._every_track.setflags(write=False)
@@ -206,7 +208,7 @@ class TrackVectorEnv(OwnState, VectorEnv[Float32Array, IntArray, AnyArray]):
         """Return which episodes end by the limit of steps, (N,), for the world as terminated ones.
         begins: (N,) the tracks that begin an episode.
         """
-        if self.options.longest_episode < self._most_steps:
+        if not self._limited:
             return np.zeros(self.num_envs, bool)
         self._steps += 1
         self._steps[begins] = 0
