@@ -238,8 +238,8 @@ def _unless(empty: BoolArray, values: AnyArray) -> AnyArray:
     return cells
 
 
-class _Decided(NamedTuple):
-    """Rows of a recording that are decided, and with what."""
+class _Found(NamedTuple):
+    """What decides the rows of a recording."""
 
     # Of the rows, from the ground and from the medium.
     grid: TickGrid
@@ -248,7 +248,11 @@ class _Decided(NamedTuple):
     # See `TrackedRecording`.
     standing: int
     tracker: OnlineTracker
-    decisions: list[RowDecisions]
+
+    @property
+    def stands(self) -> bool:
+        """Whether the object stands in a part."""
+        return self.standing > 0 or any(mode.type == "stop" for mode in self.model.all_modes)
 
 
 @dataclass(kw_only=True)
@@ -312,18 +316,21 @@ class TrackingArguments(ErrorArguments):
             variance = self.measurement_variance
             raise reject("measurement_variance", variance, "none with radar, which has its own")
         grid, outliers = without_errors(tick_grid(recording), jumps=not self.lengths)
-        # Without known switches, a wind is looked for in what hindsight decides.
-        searched = not self.lengths and grid.radar is None
-        found = self._decided(recording, grid, np.zeros(2), self.live and not searched)
+        found = self._found(recording, grid, np.zeros(2))
+        # A wind is looked for in what hindsight decides; one that stands does so over ground.
+        searched = not (self.lengths or grid.radar or found.stands)
+        decisions = self._rows(recording, found, self.live and not searched)
         if searched:
             times = [piece.times(recording.times) for piece in found.grid.pieces]
-            circles = circles_of(found.grid, times, found.decisions, found.model.all_modes)
+            circles = circles_of(found.grid, times, decisions, found.model.all_modes)
             wind = find_wind(circles)
+            if wind.any():
+                found = self._found(recording, grid, wind)
             if self.live or wind.any():
-                found = self._decided(recording, grid, wind, self.live)
+                decisions = self._rows(recording, found, self.live)
         lengths = self._lengths(grid)
         innovations, warnings = check_consistency(found.seen, found.model, lengths)
-        unlikely = 0 if lengths or not self.live else sum(map(unlikely_rows, found.decisions))
+        unlikely = 0 if lengths or not self.live else sum(map(unlikely_rows, decisions))
         if unlikely:
             warnings.append(
                 f"the stated mode is improbable for long, in {unlikely} rows: the threshold of"
@@ -341,13 +348,11 @@ class TrackingArguments(ErrorArguments):
             durations=self.durations,
             known_switches=bool(lengths),
             live=self.live,
-            **row_results(recording, found.grid.pieces, found.decisions, innovations),
+            **row_results(recording, found.grid.pieces, decisions, innovations),
         )
 
-    def _decided(
-        self, recording: Recording, grid: TickGrid, wind: FloatArray, live: bool
-    ) -> _Decided:
-        """Find the model of a recording in a medium with a velocity (2,), and decide its rows."""
+    def _found(self, recording: Recording, grid: TickGrid, wind: FloatArray) -> _Found:
+        """Find the model of a recording in a medium with a velocity (2,)."""
         modes = parse_modes(self.modes) or ()
         lengths = self._lengths(grid)
         seen = grid.moving(recording.times, wind) if wind.any() else grid
@@ -360,7 +365,7 @@ class TrackingArguments(ErrorArguments):
         stops = with_stop(seen, model, fit_model(seen, *given), longest) if standing else model
         check_radii(stops)
         # A live rule is told of switches; hindsight has one model of both.
-        of_rule = lengths if live else []
+        of_rule = lengths if self.live else []
         try:
             tracker = self._tracker(of_rule, grid, stops, wind)
             model, standing = stops, 0
@@ -371,10 +376,15 @@ class TrackingArguments(ErrorArguments):
             seen = moving
             grid = seen.moving(recording.times, -wind) if wind.any() else seen
             tracker = self._tracker(of_rule, grid, model, wind)
+        return _Found(grid, seen, model, standing, tracker)
+
+    def _rows(self, recording: Recording, found: _Found, live: bool) -> list[RowDecisions]:
+        """Decide the rows of each piece, live or with hindsight."""
+        lengths = self._lengths(found.grid)
         start = None if self.initial_state is None else np.array(self.initial_state)
         decide = decide_piece if live else smooth_piece
-        decisions = [decide(recording, piece, tracker, lengths, start) for piece in grid.pieces]
-        return _Decided(grid, seen, model, standing, tracker, decisions)
+        arguments = found.tracker, lengths, start
+        return [decide(recording, piece, *arguments) for piece in found.grid.pieces]
 
     def _decider_name(self) -> str:
         announced = self.live and self.lengths

@@ -106,8 +106,8 @@ def decide_piece(
     """
     options: Any = tracker.options
     times = recording.times[piece.first : piece.end].tolist()
-    tracker.time = times[0] - tracker.tau
-    tracker.begin(start, None if start is None else np.zeros((4, 4)))
+    covariance = None if start is None else np.zeros((4, 4))
+    tracker.begin(start, covariance, time=times[0] - tracker.tau)
     total = piece.end - piece.first
     modes = np.zeros(total, int)
     decided = np.zeros(total, bool)

@@ -100,7 +100,7 @@ class TickGrid(NamedTuple):
 
         Args:
             times: (n,) of the recording.
-            velocity: see above.
+            velocity: (2,) of the observer.
         """
         pieces = [
             piece._replace(measurements=piece.measurements - velocity * piece.times(times)[:, None])

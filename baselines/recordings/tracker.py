@@ -89,8 +89,9 @@ class OnlineTracker(OwnState):
         projection: measurements are latitudes and longitudes [deg], which it projects to metres.
         scales: (4,) of [x, vx, y, vy] from the units of the measurements to those of the options;
             None if they are the same.
-        origin: (4,) [x, vx, y, vy] of the measurements where the options have 0, at time 0; it
-            moves on with its velocity, as the air in a wind.
+        origin: (4,) place [x, vx, y, vy] of the origin of the options at time 0, of dates in 1970,
+            and its velocity, as that of a wind. Estimates are over ground, and `turn` is relative
+            to the origin.
         lag: number of ticks after which a tick is decided again, from the measurements since; see
             `OnlineEstimate.settled`. None does not; only with unknown switches.
 
@@ -199,6 +200,7 @@ class OnlineTracker(OwnState):
         estimate: ArrayLike | None = None,
         covariance: ArrayLike | None = None,
         mode: int | None = None,
+        time: float | None = None,
     ) -> None:
         """Begin a track, and forget the last one.
 
@@ -211,7 +213,10 @@ class OnlineTracker(OwnState):
                 `OnlineEstimate.estimate`; None collects.
             covariance: (4, 4) of the estimate; None is that of the options, see `initial_error`.
             mode: before the first tick; None if it is not known.
+            time: of the estimate, which matters if the origin moves; None is that of the last
+                measurement.
         """
+        self.time = self.time if time is None else time
         known = -1 if mode is None else check_integer("mode", mode, 0, self.options.hypotheses - 1)
         if estimate is None and covariance is not None:
             raise reject("covariance", covariance, "None without an estimate")

@@ -1,7 +1,7 @@
 """The velocity of the medium in which an object turns: a wind or a current.
 
-Seen from the ground, circles in a moving medium drift with it, and have another radius and speed
-where the object flies with the wind. Seen from the medium they are circles. So a recording is
+Seen from the ground, circles in a moving medium drift with it, and are wider where the object flies
+with the wind. Seen from the medium they are circles. So a recording is
 tracked as seen from the medium if its circles drift.
 """
 
@@ -25,6 +25,8 @@ WINDOWS = 3
 EXPLAINS = 4.0
 # Turn rates that are tried at a time.
 RATES = 48
+# Most measurements from which the number of circles is found.
+LONGEST = 10_000
 # Fewest measurements of a window.
 WINDOW_ROWS = 8
 
@@ -65,7 +67,9 @@ class _Circles(NamedTuple):
         return float(rates[best])
 
     def drift(self) -> tuple[FloatArray, FloatArray]:
-        """Return times and points less what the best circle with a drift explains of them."""
+        """Return what the best circle with a drift does not explain of times and points, (n,)
+        complex each.
+        """
         waves = np.exp(1j * self.rate(True) * self.times)
         basis, _ = np.linalg.qr(np.stack([np.ones(len(waves)), waves], axis=1))
         both = np.stack([self.times, self.points], axis=1)
@@ -83,16 +87,18 @@ def find_wind(pieces: Iterable[tuple[FloatArray, FloatArray, bool]]) -> FloatArr
     windows = []
     for times, positions, left in pieces:
         turn = _Circles(times, positions @ [1.0, 1j if left else -1j], left)
-        circles = turn.rate(True) * np.ptp(times) / (2.0 * math.pi)
+        # The turn rate of a long turn is that of its begin.
+        circles = turn.part(np.arange(len(times))[:LONGEST]).rate(True) * np.ptp(times)
+        circles /= 2.0 * math.pi
         parts = np.array_split(np.arange(len(times)), max(int(circles / CIRCLES), 1))
         windows += [turn.part(rows) for rows in parts if len(rows) >= WINDOW_ROWS]
     if len(windows) < WINDOWS:
         return np.zeros(2)
     drifts = [each.drift() for each in windows]
-    times, points = map(np.concatenate, zip(*drifts, strict=True))
-    wind = np.vdot(times, points) / np.vdot(times, times).real
+    rest_times, rest_points = map(np.concatenate, zip(*drifts, strict=True))
+    wind = np.vdot(rest_times, rest_points) / np.vdot(rest_times, rest_times).real
     still = sum(float(each.errors(np.array([each.rate(False)]), False)[0]) for each in windows)
-    moving = float((np.abs(points - wind * times) ** 2).sum())
+    moving = float((np.abs(rest_points - wind * rest_times) ** 2).sum())
     return np.array([wind.real, wind.imag]) * (still > EXPLAINS * moving)
 
 

@@ -21,7 +21,7 @@ class Road:
     """
 
     agents: Annotated[tuple[str, ...], tyro.conf.Positional] = ("shipped",)
-    """Agents, as run folders."""
+    """Agents: 'shipped', run folders or models."""
     rules: tuple[str, ...] = study.RULES
     """Rules, whose process noise and threshold are selected."""
     banks: bool = False

@@ -135,9 +135,10 @@ def told(name: str, episodes: int, selection: int) -> Estimate:
     thresholds = few_thresholds(deciders[0])
 
     def each_scores(count: int, seed: int, tried: Sequence[float]) -> list[Scores]:
+        each = -(-count // LEVELS)
         return [
-            sweep(task, decider, -(-count // LEVELS), seed, thresholds=tried)
-            for task, decider in zip(tasks, deciders, strict=True)
+            sweep(task, decider, each, seed + k * each, thresholds=tried)
+            for k, (task, decider) in enumerate(zip(tasks, deciders, strict=True))
         ]
 
     curves = [scores.curve(goal) for scores in each_scores(selection, SELECTION, thresholds)]

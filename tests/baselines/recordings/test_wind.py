@@ -66,3 +66,25 @@ def test_a_live_tracker_moves_with_the_wind_of_a_recording():
     last = estimates[-1]
     assert ahead[0] == pytest.approx(last[::2], abs=0.5)
     assert np.linalg.norm(ahead[1] - ahead[0]) < 2.0 * (10.0 + np.linalg.norm(WIND)) + 1.0
+
+
+def test_an_object_that_stands_before_it_circles_stands_over_ground():
+    times, flown = circling(4)
+    waiting = np.random.default_rng(5).normal(0.0, 0.5, (100, 2))
+    recording = track_recording(np.arange(100 + len(times)), np.concatenate([waiting, flown]))
+
+    assert not recording.wind.any()
+    assert (recording.of_modes(recording.modes)[0][:95] == "stop").all()
+
+
+def test_a_track_begins_in_a_wind_with_an_estimate_of_a_time():
+    times, positions = circling(6)
+    tracker = OnlineTracker.from_recording(track_recording(times, positions))
+    moments = times + 5000.0
+    velocity = np.array([10.0, 0.0]) + WIND
+    place = positions[0] - velocity
+    tracker.begin([place[0], velocity[0], place[1], velocity[1]], np.eye(4), time=4999.0)
+    known = [tracker.update(z, time) for z, time in zip(positions[:40], moments, strict=False)]
+
+    assert [each.status for each in known] == ["begun"] + 39 * ["used"]
+    assert known[-1].position == pytest.approx(positions[39], abs=2.0)
