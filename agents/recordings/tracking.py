@@ -241,7 +241,7 @@ def _unless(empty: BoolArray, values: AnyArray) -> AnyArray:
 class _Found(NamedTuple):
     """What decides the rows of a recording."""
 
-    # Of the rows, from the ground and from the medium.
+    # The rows as seen from the ground, and from the medium.
     grid: TickGrid
     seen: TickGrid
     model: TrackModel
@@ -317,7 +317,8 @@ class TrackingArguments(ErrorArguments):
             raise reject("measurement_variance", variance, "none with radar, which has its own")
         grid, outliers = without_errors(tick_grid(recording), jumps=not self.lengths)
         found = self._found(recording, grid, np.zeros(2))
-        # A wind is looked for in what hindsight decides; one that stands does so over ground.
+        # A wind is looked for in what hindsight decides, unless the object stands: that is over
+        # ground.
         searched = not (self.lengths or grid.radar or found.stands)
         decisions = self._rows(recording, found, self.live and not searched)
         if searched:

@@ -1,8 +1,8 @@
 """The velocity of the medium in which an object turns: a wind or a current.
 
 Seen from the ground, circles in a moving medium drift with it, and are wider where the object flies
-with the wind. Seen from the medium they are circles. So a recording is
-tracked as seen from the medium if its circles drift.
+with the wind. Seen from the medium they are circles. So a recording is tracked as seen from the
+medium if its circles drift.
 """
 
 import math
@@ -87,7 +87,7 @@ def find_wind(pieces: Iterable[tuple[FloatArray, FloatArray, bool]]) -> FloatArr
     windows = []
     for times, positions, left in pieces:
         turn = _Circles(times, positions @ [1.0, 1j if left else -1j], left)
-        # The turn rate of a long turn is that of its begin.
+        # The mean turn rate at the begin of a long turn says its number of circles well enough.
         circles = turn.part(np.arange(len(times))[:LONGEST]).rate(True) * np.ptp(times)
         circles /= 2.0 * math.pi
         parts = np.array_split(np.arange(len(times)), max(int(circles / CIRCLES), 1))
