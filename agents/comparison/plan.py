@@ -176,7 +176,7 @@ class Plan(WorldArguments, TrustArguments, Workers):
             calls: dict[tuple[Any, int], Call] = {
                 call: functools.partial(self.score, folder, *call, said[call]) for call in order
             }
-            scored = dict(self.results(calls, lambda call: said[call]("", 1.0, 1.0)))
+            scored = dict(self.results(calls, lambda call: said[call]("", 1.0)))
         bound = None
         if self.task.waits:
             bound = bound_scores(self.task, self.episodes or 0, self.seed)
@@ -199,10 +199,10 @@ class Plan(WorldArguments, TrustArguments, Workers):
         middle = before + (1.0 - before) * to_select / (to_select + episodes)
 
         def selecting(share: float) -> None:
-            report(f"Selecting the threshold of {title}", share, before + share * (middle - before))
+            report(f"Selecting the threshold of {title}", before + share * (middle - before))
 
         def scoring(share: float) -> None:
-            report(f"Scoring {title}", share, middle + share * (1.0 - middle))
+            report(f"Scoring {title}", middle + share * (1.0 - middle))
 
         selecting(0.0)
         selection = sweep(task, decider, to_select, seeds.SELECTION, selecting)
@@ -239,10 +239,9 @@ class Plan(WorldArguments, TrustArguments, Workers):
         run = make_run(env_id, options, recipe, seed, run_folder, self.steps, resume)
 
         def training(now: Any) -> None:
-            share = min(now.steps / now.total, 1.0)
-            report(f"Training {title}", share, whole * share)
+            report(f"Training {title}", whole * min(now.steps / now.total, 1.0))
 
-        report(f"Training {title}", 0.0, 0.0)
+        report(f"Training {title}", 0.0)
         run.train(training)
         return run.agent(title), run_folder
 

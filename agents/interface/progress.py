@@ -3,54 +3,15 @@
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import timedelta
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    Progress,
-    ProgressColumn,
-    Task,
-    TaskID,
-    TextColumn,
-    TimeElapsedColumn,
-)
-from rich.text import Text
-
-# Seconds before the first line outside a terminal, and between lines.
-FIRST_LINE, NEXT_LINE = 0.5, 10.0
-
-
-class TimeLeft(ProgressColumn):
-    """The time left, which passes between two updates of a task: what its finished share predicts,
-    less the time since this share was reached.
-    """
-
-    def __init__(self) -> None:
-        super().__init__()
-        # Begin and finished share of each task, and when it was first seen, in seconds after it.
-        self._reached: dict[TaskID, tuple[Any, float]] = {}
-
-    def words(self, task: Task) -> str:
-        """Return the time left in words; "" where nothing predicts it."""
-        share, now = task.percentage / 100.0, task.elapsed
-        if not 0.0 < share < 1.0 or now is None:
-            return ""
-        state = task.start_time, share
-        if self._reached.get(task.id, (None, 0.0))[0] != state:
-            self._reached[task.id] = state, now
-        left = self._reached[task.id][1] / share - now
-        return f"{timedelta(seconds=round(left))} left" if left > 0.0 else ""
-
-    def render(self, task: Task) -> Text:
-        """See `ProgressColumn.render`."""
-        return Text(self.words(task))
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 
 def progress_display(
@@ -62,18 +23,21 @@ def progress_display(
     The description of a task says what runs now. Every task needs a `note` field with a short
     status text. A transient display is removed at the end.
     """
+    # Seconds whose updates predict the time left: a task may have few.
+    period = 3600.0
     if not console.is_terminal:
-        return ProgressLines(disable=True, get_time=clock)
+        return ProgressLines(disable=True, get_time=clock, speed_estimate_period=period)
     return Progress(
         TextColumn("{task.description}", markup=False),
         BarColumn(bar_width=16),
         TextColumn("{task.percentage:>3.0f} %"),
         TimeElapsedColumn(),
-        TimeLeft(),
+        TimeRemainingColumn(),
         TextColumn("{task.fields[note]}", markup=False),
         console=console,
         transient=transient,
         get_time=clock,
+        speed_estimate_period=period,
     )
 
 
@@ -88,7 +52,7 @@ class ProgressLines(Progress):
 
     def start(self) -> None:
         """Print lines from now on."""
-        self._left, self._ended = TimeLeft(), threading.Event()
+        self._ended = threading.Event()
         threading.Thread(target=self.print_lines, args=[self._ended.wait], daemon=True).start()
 
     def stop(self) -> None:
@@ -97,9 +61,10 @@ class ProgressLines(Progress):
 
     def print_lines(self, wait: Callable[[float], bool]) -> None:
         """Print a line after each wait, until a wait returns that the display has ended."""
-        pause = FIRST_LINE
+        # Seconds before the first line, and between lines.
+        pause = 0.5
         while not wait(pause):
-            pause = NEXT_LINE
+            pause = 10.0
             # The stream may be closed.
             with suppress(OSError, ValueError):
                 print(self.line(), file=sys.stderr, flush=True)
@@ -109,7 +74,8 @@ class ProgressLines(Progress):
         running = [task for task in self.tasks if not task.finished]
         texts = []
         for task in running:
-            parts = [f"{task.percentage:.0f} %", self._left.words(task), task.fields["note"]]
+            left = f"{timedelta(seconds=task.time_remaining)} left" if task.time_remaining else ""
+            parts = [f"{task.percentage:.0f} %", left, task.fields["note"]]
             texts.append(f"{task.description}: {', '.join(filter(None, parts))}")
         elapsed = timedelta(seconds=round(running[0].elapsed or 0.0)) if running else ""
         return f"{elapsed} {'; '.join(texts) or 'Loading'}".strip()
@@ -121,64 +87,39 @@ class Report:
 
     path: Path
 
-    def __call__(self, label: str, share: float, whole: float) -> None:
-        """Say what runs now, which share of it is done, and which share of the whole call."""
+    def __call__(self, label: str, share: float) -> None:
+        """Say what runs now, and which share of the call is done."""
         # On another machine the folder does not exist.
         with suppress(OSError):
             part = self.path.with_suffix(".part")
-            part.write_text(f"{share} {whole} {label}", encoding="utf-8")
+            part.write_text(f"{share} {label}", encoding="utf-8")
             # A reader never sees half of a line.
             part.replace(self.path)
 
-    def read(self) -> tuple[str, float, float] | None:
-        """Return what was said last; None if nothing was."""
+    def read(self) -> tuple[str, float]:
+        """Return what was said last; nothing is done before it."""
         try:
-            share, whole, label = self.path.read_text("utf-8").split(" ", 2)
-            return label, float(share), float(whole)
+            share, label = self.path.read_text("utf-8").split(" ", 1)
+            return label, float(share)
         except (OSError, ValueError):
-            return None
-
-
-class Calls:
-    """Shows calls by their reports: a bar for each one that runs, and one for all."""
-
-    def __init__(self, progress: Progress, title: str, reports: Sequence[Report]):
-        self.progress = progress
-        self.reports = reports
-        self.whole = progress.add_task(title, total=len(reports), note="")
-        self._bars: dict[Report, TaskID] = {}
-        self._labels: dict[Report, str] = {}
-
-    def look(self) -> None:
-        """Show what the reports say now."""
-        completed = 0.0
-        for report in self.reports:
-            said = report.read()
-            if said is None:
-                continue
-            label, share, whole = said
-            completed += whole
-            bar = self._bars.get(report)
-            if bar is None:
-                bar = self._bars[report] = self.progress.add_task(label, total=1.0, note="")
-            elif label != self._labels[report]:
-                # The time left is that of what runs now.
-                self.progress.reset(bar, description=label)
-            self._labels[report] = label
-            self.progress.update(bar, completed=share, visible=whole < 1.0)
-        self.progress.update(self.whole, completed=completed)
+            return "", 0.0
 
 
 @contextmanager
 def calls_shown(progress: Progress, title: str, count: int) -> Iterator[list[Report]]:
     """Show calls while they run, here or in other processes; yield the report of each."""
+    bar = progress.add_task(title, total=count, note="")
     with TemporaryDirectory() as folder:
         reports = [Report(Path(folder, str(number))) for number in range(count)]
-        calls, ended = Calls(progress, title, reports), threading.Event()
+        ended = threading.Event()
+
+        def look() -> None:
+            labels, shares = zip(*(report.read() for report in reports), strict=True)
+            progress.update(bar, completed=sum(shares), note="; ".join(filter(None, labels)))
 
         def watch() -> None:
             while not ended.wait(timeout=0.25):
-                calls.look()
+                look()
 
         thread = threading.Thread(target=watch, daemon=True)
         thread.start()
@@ -187,4 +128,4 @@ def calls_shown(progress: Progress, title: str, count: int) -> Iterator[list[Rep
         finally:
             ended.set()
             thread.join()
-            calls.look()
+            look()
