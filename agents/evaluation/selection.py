@@ -2,9 +2,8 @@
 report uses.
 
 'msprt:auto' chooses it for the reward and 'msprt:2%' for an error rate; for unknown switches the
-rate is that of wrong changes, 'beam:3/1000' for three in 1,000 ticks. Then it is selected on
-simulated episodes of what the decider is told: the options of the environment without the law of
-the noise, which is measured on other episodes than those that are decided, see `measured_noise`.
+rate is that of wrong changes, 'beam:3/1000' for three in 1,000 ticks. Then it is selected on other
+episodes of the environment than those that are decided.
 """
 
 import functools
@@ -12,7 +11,6 @@ import warnings
 
 import numpy as np
 
-from agents.evaluation.measured_noise import measured_noise
 from agents.evaluation.task import Task, sweep, task_with
 from baselines.rules import seeds
 from baselines.rules.decider import Decider
@@ -53,15 +51,14 @@ def choosing_decider(decider: Decider, options: ModelOptions, ending: str) -> De
 
     @functools.cache
     def chosen() -> float:
-        simulated = task.changed({"noise": measured_noise(options)})
-        highest = reachable(decider, simulated.options)
+        highest = reachable(decider, options)
         within = decider.changed(
             thresholds=tuple(each for each in decider.thresholds if each <= highest)
         )
-        scores = sweep(simulated, within, task.choosing_episodes, seeds.CHOOSING)
+        scores = sweep(task, within, task.choosing_episodes, seeds.CHOOSING)
         if rate is None:
-            return float(within.thresholds[simulated.best(scores)])
-        return _holding(simulated, within, scores, rate)
+            return float(within.thresholds[task.best(scores)])
+        return _holding(task, within, scores, rate)
 
     attributes = {"title": name, "symbol": "", "thresholds": (0.0,), "default": 0.0}
     return decider.changed(

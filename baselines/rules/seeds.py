@@ -9,10 +9,8 @@ SELECTION_EPISODES = 1000
 LEARNING_CURVE = 3_000_000_000
 # 4_000_000_000: random worlds of a study.
 # 5_000_000_000: data sets for offline learning.
-# Deciders without a threshold select one on episodes of what they are told.
+# Deciders without a threshold select one.
 CHOOSING = 6_000_000_000
 # 7_000_000_000: paths of simulators that were closed until agent and settings were fixed.
-# The law of the noise is measured.
-MEASURING = 8_000_000_000
 # Training, 10^9 apart for each training seed.
 TRAINING = 10**12
