@@ -263,19 +263,25 @@ def wait_lane(block: Any, lane: int, i: int, bank: Any, setting: Any) -> int:
 
 
 @internal
-def tick(b: int, block: Any, bank: Any, first: int, last: int, setting: Any) -> None:
-    """Advance object and bank of lanes first .. last - 1 of block b."""
-    arrays = arrays_of(setting)
-    sensors = arrays.sensors
-    move(block, arrays.scratch[0].noise, first, last, sensors, motions_of(bank), setting)
+def _step_bank(b: int, block: Any, bank: Any, first: int, last: int, setting: Any) -> None:
+    """Advance the bank of lanes first .. last - 1 of block b by their measurements."""
+    arrays, model = arrays_of(setting), filter_model(setting)
     if setting.bank_rows > 0:
         write_innovations(arrays.bank_ticks, b, block, first, last, bank, setting)
-    model = filter_model(setting)
-    operations.step(bank, 0, bank.hypotheses.size, first, last, block, sensors, model)
+    operations.step(bank, 0, bank.hypotheses.size, first, last, block, arrays.sensors, model)
     if setting.bank_rows > 0:
         write_corrected(arrays.bank_ticks, b, first, last, bank)
     if setting.merged:
         _merge(block, bank, first, last)
+
+
+@internal
+def tick(b: int, block: Any, bank: Any, first: int, last: int, setting: Any) -> None:
+    """Advance object and bank of lanes first .. last - 1 of block b."""
+    arrays = arrays_of(setting)
+    noise = arrays.scratch[0].noise
+    move(block, noise, first, last, arrays.sensors, motions_of(bank), setting)
+    _step_bank(b, block, bank, first, last, setting)
     for lane in range(first, last):
         trace = arrays.trace[b * LANES + lane]
         _record_estimate(block, lane, bank, trace, setting.merged)
@@ -348,10 +354,7 @@ def advance_live(begins: bool, bank_class: type, setting: Any) -> int:
     if decided:
         run_on(block, lane, bank, arrays, setting)
     else:
-        modes, model = bank.hypotheses.size, filter_model(setting)
-        operations.step(bank, 0, modes, lane, last, block, arrays.sensors, model)
-        if setting.merged:
-            _merge(block, bank, lane, last)
+        _step_bank(0, block, bank, lane, last, setting)
         begun = 1 if block.tick[0] == 1 else 0
         write_rows(0, block, bank, lane, last, begun, setting)
     set_anchor(block, lane, bank, setting.merged)

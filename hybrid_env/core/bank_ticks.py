@@ -9,42 +9,11 @@ import numpy as np
 
 from hybrid_env.core.banks import operations
 from hybrid_env.core.banks.bank import estimate_of, filter_model
-from hybrid_env.core.compilation import internal, seldom, stay_apart
+from hybrid_env.core.compilation import seldom, stay_apart
 from hybrid_env.core.memory import BANK_COLUMNS, LANES, FloatArray
 
 ESTIMATES = BANK_COLUMNS["innovations"] + BANK_COLUMNS["innovation_covariances"]
 COVARIANCES = ESTIMATES + BANK_COLUMNS["estimates"]
-ROW_LENGTH = COVARIANCES + BANK_COLUMNS["covariances"]
-
-
-@internal
-def write_innovation(
-    row: FloatArray,
-    bank: Any,
-    hypothesis: int,
-    lane: int,
-    measurement: FloatArray,
-    noise: tuple[float, float, float],
-    model: Any,
-) -> None:
-    """Write the innovation of one filter and its covariance, before the filter steps.
-
-    measurement: (2, LANES) [m], of which NaN gives an innovation of NaN; noise: covariance xx, xy,
-    yy of the measurement [m^2].
-    """
-    x, y, xx, xy, yy = operations.predicted_position(bank, hypothesis, lane, model)
-    row[0] = measurement[0, lane] - x
-    row[1] = measurement[1, lane] - y
-    row[2], row[3], row[4] = xx + noise[0], xy + noise[1], yy + noise[2]
-
-
-@internal
-def write_estimate(row: FloatArray, bank: Any, hypothesis: int, lane: int) -> None:
-    """Write the estimate of one filter and its covariance, after the filter has stepped."""
-    for k, value in enumerate(estimate_of(bank.hypotheses, hypothesis, lane)):
-        row[ESTIMATES + k] = value
-    for k, value in enumerate(operations.covariance(bank, hypothesis, lane)):
-        row[COVARIANCES + k] = value
 
 
 @seldom
@@ -71,9 +40,10 @@ def write_innovations(
             noise_yy *= block.noise[2, lane]
         for h in range(bank.hypotheses.size):
             row = bank_ticks[b * LANES + lane, h]
-            write_innovation(
-                row, bank, h, lane, block.measurement, (noise_xx, noise_xy, noise_yy), model
-            )
+            x, y, xx, xy, yy = operations.predicted_position(bank, h, lane, model)
+            row[0] = block.measurement[0, lane] - x
+            row[1] = block.measurement[1, lane] - y
+            row[2], row[3], row[4] = xx + noise_xx, xy + noise_xy, yy + noise_yy
 
 
 @seldom
@@ -84,7 +54,11 @@ def write_corrected(bank_ticks: FloatArray, b: int, first: int, last: int, bank:
     stay_apart()
     for lane in range(first, last):
         for h in range(bank.hypotheses.size):
-            write_estimate(bank_ticks[b * LANES + lane, h], bank, h, lane)
+            row = bank_ticks[b * LANES + lane, h]
+            for k, value in enumerate(estimate_of(bank.hypotheses, h, lane)):
+                row[ESTIMATES + k] = value
+            for k, value in enumerate(operations.covariance(bank, h, lane)):
+                row[COVARIANCES + k] = value
 
 
 def read_bank_ticks(rows: FloatArray) -> dict[str, FloatArray]:
