@@ -112,43 +112,20 @@ def learning_points(metrics: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def draw_learning_curve(folder: Path, path: Path, curve: LearningCurve) -> None:
-    """Write the mean reward of a run folder against training time and environment steps as PNG.
+    """Write the mean reward of a run folder against environment steps as PNG.
 
     Dashed lines are rules at their best thresholds, and the bound.
     """
     points = learning_points(read_metrics(folder))
-    columns = {
-        "training time, s": [row["seconds"] for row in points],
-        "environment steps, millions": [row["step"] / 1e6 for row in points],
-    }
-    panels = []
+    steps = [row["step"] / 1e6 for row in points]
+    ends = [0.0, max(steps, default=1.0)]
     styles = decider_styles([folder.name, *curve.references])
-    for label, values in columns.items():
-        end = 1.05 * max(values, default=1.0)
-        curves = (
-            []
-            if not points
-            else [
-                Curve(
-                    folder.name,
-                    styles[folder.name],
-                    values,
-                    [row["evaluation/reward"] for row in points],
-                    size=3.5,
-                ),
-                *(
-                    Curve(
-                        name,
-                        styles[name],
-                        [1e-3 * end, 0.999 * end],
-                        [value, value],
-                        size=0.0,
-                        dashes="--",
-                    )
-                    for name, value in curve.references.items()
-                ),
-            ]
-        )
-        axis = Axis(f"mean reward per {curve.unit}")
-        panels.append(Panel("", Axis(label, (0.0, end)), axis, curves))
-    save_figure(curve_figure([panels], (10.0, 4.0), sharey=True), path)
+    curves = [
+        Curve(name, styles[name], ends, [value, value], size=0.0, dashes="--")
+        for name, value in curve.references.items()
+    ]
+    if points:
+        rewards = [row["evaluation/reward"] for row in points]
+        curves.append(Curve(folder.name, styles[folder.name], steps, rewards))
+    axes = Axis("environment steps, millions"), Axis(f"mean reward per {curve.unit}")
+    save_figure(curve_figure([[Panel("", *axes, curves)]], (7.0, 4.0)), path)
