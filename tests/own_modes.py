@@ -120,6 +120,15 @@ class LinearFilter(MatrixFilter):
         return self.F @ self.x + self.B, self.F @ self.P @ self.F.T + self.Q
 
 
+def linear_filter(anchor, P, mode, tau, Q, R):
+    """Return the filter of a linear mode with an exact acceleration."""
+    F, B, _ = mode.matrices(tau)
+    noise = np.kron(np.eye(2), np.diag([0.0, Q, 0.0][: len(F) // 2]))
+    kalman = LinearFilter(anchor, P, (F, B, noise, mode.starting_acceleration), exact=True)
+    kalman.R = R
+    return kalman
+
+
 def filters_of_modes(env, i, matrices, freedom=0):
     """Return the filters of track i, before the first tick of its segment. matrices: see
     `described`.

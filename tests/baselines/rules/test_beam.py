@@ -4,8 +4,8 @@ import copy
 
 import numpy as np
 import pytest
-from linear_filters import MatrixLinearFilter
 from matrix_filters import MatrixExtendedKalmanFilter
+from own_modes import linear_filter
 
 from baselines.rules.beam import BeamDecider
 from baselines.rules.beam_prior import hazards
@@ -51,7 +51,7 @@ def test_without_pruning_the_beam_is_the_filter_of_all_modes_and_ages(text, mode
     def begin(mode, state, covariance):
         motion = options.all_modes[mode]
         if isinstance(motion, Stop):
-            return MatrixLinearFilter(state, covariance, motion, 0.1, 0.01, R)
+            return linear_filter(state, covariance, motion, 0.1, 0.01, R)
         return MatrixExtendedKalmanFilter(state, covariance, motion.signed_radius, 0.1, 0.01, R)
 
     # Mode, law of the duration, age, filter, weight.

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from linear_filters import MatrixLinearFilter
 from matrix_filters import MatrixExtendedKalmanFilter, MatrixKalmanFilter
+from own_modes import linear_filter
 
 from baselines.rules.glr import RestartDecider
 from hybrid_env import HybridTrackQuickestVectorEnv, QuickestOptions, Radar, Sensor
@@ -56,7 +56,7 @@ def matrix_filter(bank, mode, state, P, options):
     motion = options.all_modes[mode]
     rest = options.tau, options.process_variance, np.broadcast_to(options.variances, 2)
     if isinstance(motion, (Stop, Accelerate)):
-        return MatrixLinearFilter(state, P, motion, *rest)
+        return linear_filter(state, P, motion, *rest)
     return kind(state, P, motion.signed_radius, *rest)
 
 
