@@ -41,21 +41,20 @@ ENVIRONMENTS: dict[str, dict[str, object]] = {
 }
 """Registered ids and their options that differ from the defaults."""
 
-REWARD_THRESHOLDS = {
-    "HybridTrack-v0": 3.56,
-    "HybridTrackRaw-v0": 3.56,
-    "HybridTrackBank-v0": 4.85,
-    "HybridTrackRoad-v0": 2.3,
-    "HybridTrackPublished-v0": 3.83,
-    "HybridTrackPublishedBank-v0": 4.80,
-    "HybridTrackQuickest-v0": 485.0,
-    "HybridTrackQuickestBank-v0": 285.0,
-}
-"""Mean return of an episode of the best known rule, by id."""
-
 
 def register_environments() -> None:
     """Register every id that is not registered yet."""
+    # Mean returns of an episode of the best known rule.
+    thresholds = {
+        "HybridTrack-v0": 3.56,
+        "HybridTrackRaw-v0": 3.56,
+        "HybridTrackBank-v0": 4.85,
+        "HybridTrackRoad-v0": 2.3,
+        "HybridTrackPublished-v0": 3.83,
+        "HybridTrackPublishedBank-v0": 4.80,
+        "HybridTrackQuickest-v0": 485.0,
+        "HybridTrackQuickestBank-v0": 285.0,
+    }
     for env_id, options in ENVIRONMENTS.items():
         if env_id not in registry:
             kind = "Quickest" if "Quickest" in env_id else ""
@@ -67,7 +66,7 @@ def register_environments() -> None:
                 kwargs=options,
                 # Some libraries need a limit.
                 max_episode_steps=10_000,
-                reward_threshold=REWARD_THRESHOLDS[env_id],
+                reward_threshold=thresholds[env_id],
             )
 
 

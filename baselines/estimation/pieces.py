@@ -23,9 +23,6 @@ from hybrid_env.compiled import run_compiled
 # Places of x, vx, y, vy in the state, and of their covariance.
 ORDER = np.array([0, 2, 1, 3])
 ORDER_OF_BOTH = np.ix_(ORDER, ORDER)
-FLAT_ORDER = np.ravel_multi_index(ORDER_OF_BOTH, (STATES, STATES))
-# Places of the own states in [x, vx, y, vy, ax, ay] of a linear mode.
-LINEAR = [0, 2, 1, 3, 4, 5]
 # Ticks that are smoothed at a time.
 PIECE_TICKS = 512
 # Times at the begin of a piece in which its curvature may be the mean of that before and its own.
@@ -110,12 +107,14 @@ class PieceSmoother:
     def _segments(self, pieces: IntArray, of_pieces: AnyArray, rates: FloatArray) -> Segments:
         """Return the segments of pieces, (K, 3), with their records `MOTION` and turn rates."""
         linear = of_pieces["linear"]
-        own = np.ix_(LINEAR, LINEAR)
+        # Places of the own states in [x, vx, y, vy, ax, ay] of a linear mode.
+        states = [0, 2, 1, 3, 4, 5]
+        own = np.ix_(states, states)
         Q = np.zeros((len(of_pieces), 6, 6))
         Q[:, [0, 1], [0, 1]] = self.drift_variance
         Q[:, [2, 3], [2, 3]] = self.process_variance
         Q[linear] = of_pieces["Q"][linear][:, own[0], own[1]]
-        B = np.where(linear[:, None], of_pieces["B"][:, LINEAR], 0.0)
+        B = np.where(linear[:, None], of_pieces["B"][:, states], 0.0)
         F, slopes = _matrices(rates, self.tau)
         F[linear], slopes[linear] = of_pieces["F"][linear][:, own[0], own[1]], 0.0
         begins = np.zeros(len(self.measurements), bool)
@@ -218,7 +217,7 @@ class PieceSmoother:
         arguments = self.measurements, self.noises, segments, self.speed, self.freedom
         run_compiled(smooth_first, *arguments, self.memory, self.last, means, spreads)
         self.last = modes
-        return means.take(ORDER), spreads.take(FLAT_ORDER)
+        return means.take(ORDER), spreads[0][ORDER_OF_BOTH]
 
     def _filtered(
         self, ticks: IntArray, segments: Segments

@@ -16,17 +16,6 @@ from baselines.recordings.ticks import TickGrid
 from hybrid_env.checks import FloatArray, IntArray
 from hybrid_env.modes import Mode
 
-# Number of circles in a window, over which the turn rate hardly changes.
-CIRCLES = 2
-# Fewest windows that tell a wind from the error of a drifting sensor, which has no direction.
-WINDOWS = 3
-# Ratio of the squared errors of circles without and with a wind from which it explains them. One
-# that changes along a recording explains less, and would make other pieces wrong.
-EXPLAINS = 4.0
-# Turn rates that are tried at a time.
-RATES = 48
-# Most measurements from which the number of circles is found.
-LONGEST = 10_000
 # Fewest measurements of a window.
 WINDOW_ROWS = 8
 
@@ -61,9 +50,9 @@ class _Circles(NamedTuple):
         lowest = 2.0 * math.pi / np.ptp(self.times)
         highest = max(0.5 * math.pi / np.median(np.diff(self.times)), 1.01 * lowest)
         for _ in range(3):
-            rates = np.geomspace(lowest, highest, RATES)
+            rates = np.geomspace(lowest, highest, 48)
             best = int(self.errors(rates, drifts).argmin())
-            lowest, highest = rates[max(best - 1, 0)], rates[min(best + 1, RATES - 1)]
+            lowest, highest = rates[max(best - 1, 0)], rates[min(best + 1, len(rates) - 1)]
         return float(rates[best])
 
     def drift(self) -> tuple[FloatArray, FloatArray]:
@@ -79,7 +68,7 @@ class _Circles(NamedTuple):
 
 def find_wind(pieces: Iterable[tuple[FloatArray, FloatArray, bool]]) -> FloatArray:
     """Return the velocity (2,) of the medium in which an object circles, 0 if there is no sign of
-    one: fewer than `WINDOWS` windows of two circles, or circles that drift to no common direction.
+    one: fewer than three windows of two circles, or circles that drift to no common direction.
 
     Args:
         pieces: times (n,), positions (n, 2) and side, True is left, of turns by whole circles.
@@ -88,18 +77,21 @@ def find_wind(pieces: Iterable[tuple[FloatArray, FloatArray, bool]]) -> FloatArr
     for times, positions, left in pieces:
         turn = _Circles(times, positions @ [1.0, 1j if left else -1j], left)
         # The mean turn rate at the begin of a long turn says its number of circles well enough.
-        circles = turn.part(np.arange(len(times))[:LONGEST]).rate(True) * np.ptp(times)
+        circles = turn.part(np.arange(len(times))[:10_000]).rate(True) * np.ptp(times)
         circles /= 2.0 * math.pi
-        parts = np.array_split(np.arange(len(times)), max(int(circles / CIRCLES), 1))
+        # Over two circles the turn rate hardly changes.
+        parts = np.array_split(np.arange(len(times)), max(int(circles / 2), 1))
         windows += [turn.part(rows) for rows in parts if len(rows) >= WINDOW_ROWS]
-    if len(windows) < WINDOWS:
+    # Fewer do not tell a wind from the error of a drifting sensor, which has no direction.
+    if len(windows) < 3:
         return np.zeros(2)
     drifts = [each.drift() for each in windows]
     rest_times, rest_points = map(np.concatenate, zip(*drifts, strict=True))
     wind = np.vdot(rest_times, rest_points) / np.vdot(rest_times, rest_times).real
     still = sum(float(each.errors(np.array([each.rate(False)]), False)[0]) for each in windows)
     moving = float((np.abs(rest_points - wind * rest_times) ** 2).sum())
-    return np.array([wind.real, wind.imag]) * (still > EXPLAINS * moving)
+    # A wind that changes along a recording explains less, and would make other pieces wrong.
+    return np.array([wind.real, wind.imag]) * (still > 4.0 * moving)
 
 
 def circles_of(

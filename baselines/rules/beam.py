@@ -29,9 +29,6 @@ from hybrid_env.durations import Durations, GeometricDurations
 from hybrid_env.limits import MAX_LENGTH
 from hybrid_env.quickest_options import QuickestOptions
 
-# Nodes, groups and weights that are not kept.
-NO_NODES = tuple(np.zeros((0, 0, 0), kind) for kind in (np.int32, np.uint16, np.float32))
-
 
 class BeamState(NamedTuple):
     """State of N tracks between two calls of `predict`, changed in place."""
@@ -153,11 +150,13 @@ class BeamDecider(MeasurementDecider):
 
     def step(self, state: BeamState, measurements: FloatArray) -> None:
         """Advance the branches of all tracks; see `MeasurementDecider.step`."""
+        # Nodes, groups and weights are not kept.
+        nodes = (np.zeros((0, 0, 0), kind) for kind in (np.int32, np.uint16, np.float32))
         run_compiled(
             walk_branches,
             state.branches,
             walk_memory(state.branches, self.model),
-            Walk(measurements[None], np.full(1, BY_LAW), 0, *NO_NODES),
+            Walk(measurements[None], np.full(1, BY_LAW), 0, *nodes),
             state.log_probability,
             self.model,
         )

@@ -10,17 +10,6 @@ from baselines.estimation.pieces import GRADUAL, PieceSmoother
 from hybrid_env.checks import BoolArray, FloatArray, IntArray
 from hybrid_env.quickest_options import QuickestOptions
 
-# Ticks between two begins of a piece that are compared, until most have the likeliest among them.
-STRIDES = 1, 2, 4
-# Probability outside of the interval of a moment, on each side.
-OUTSIDE = 0.025
-# Prior probability that the turns of a recording begin, or end, abruptly. No single piece outweighs
-# it.
-ABRUPT = 0.94
-# Prior probability that a piece begins in another way than most.
-OTHER = 0.1
-# Innovations along its pieces by which a recording says little of begins, see `PieceSmoother`.
-MISFIT = 4.0
 # Ticks of a piece that may be part of a stop, over the mean duration.
 SHORT = 0.2
 
@@ -53,8 +42,8 @@ def find_begins(
 
     Most turns begin in one way, abruptly or with the mean of two curvatures for some ticks, and
     most end in one way. If a gradual way is the most probable one, pieces begin where they most
-    likely do; else all begins remain. They also remain if innovations are larger than `MISFIT`, or
-    if for more than a quarter of the pieces the likelihood of an abrupt begin is largest at the
+    likely do; else all begins remain. They also remain if innovations are larger than four, or if
+    for more than a quarter of the pieces the likelihood of an abrupt begin is largest at the
     edge of what is compared: the model then describes begins badly.
 
     Args:
@@ -69,13 +58,16 @@ def find_begins(
     linear = motions["linear"]
     turns = (np.diff(motions["signed_radius"]) != 0.0) & ~linear[1:] & ~linear[:-1]
     numbers = np.arange(len(turns))
-    for stride in STRIDES:
+    # Innovations along its pieces by which a recording says little of begins, see `PieceSmoother`.
+    largest = 4.0
+    # Ticks between two begins that are compared, until most pieces have the likeliest among them.
+    for stride in (1, 2, 4):
         compared, misfit = smoother.compare(stride, process_share)
         compared = compared[1:]
         padded = np.pad(compared[:, 0], ((0, 0), (1, 1)), constant_values=-np.inf)
         peaks = compared[:, 0].argmax(1)
         inside = np.isfinite(padded[numbers, peaks]) & np.isfinite(padded[numbers, peaks + 2])
-        if misfit > MISFIT or inside.mean() >= 0.75:
+        if misfit > largest or inside.mean() >= 0.75:
             break
     of_ways = logsumexp(compared, axis=2)
     of_shifts = np.exp(compared - of_ways[:, :, None])
@@ -83,7 +75,7 @@ def find_begins(
     shares = np.tile(abrupt, (len(turns), 1))
     for into_turns in (True, False):
         group = turns & ((motions["signed_radius"][1:] != 0.0) == into_turns)
-        if misfit <= MISFIT and inside.mean() >= 0.75 and group.any():
+        if misfit <= largest and inside.mean() >= 0.75 and group.any():
             shares[group] = _ways_of(of_ways[group & inside])
     begins, moments = pieces[:, 0].copy(), pieces[:, [0, 0]]
     gradual = np.zeros(len(pieces), int)
@@ -99,7 +91,7 @@ def find_begins(
         begins[1:] += np.where(linear[1:], 0, stride * (best - REACH))
         gradual[1:] = stride * GRADUAL[ways]
     sums = np.cumsum((shares[:, :, None] * of_shifts).sum(1), axis=1)
-    for column, probability in enumerate((OUTSIDE, 1.0 - OUTSIDE)):
+    for column, probability in enumerate((0.025, 0.975)):
         moments[1:, column] += stride * ((sums < probability).sum(1) - REACH)
     moments[:, 0] = np.minimum(moments[:, 0], begins)
     moments[:, 1] = np.maximum(moments[:, 1], begins)
@@ -130,10 +122,15 @@ def _ways_of(log_likelihoods: FloatArray) -> FloatArray:
         log_likelihoods: (n, G) of each piece.
     """
     ways = len(GRADUAL)
-    prior = np.full(ways, (1.0 - ABRUPT) / (ways - 1))
-    prior[0] = ABRUPT
+    # Of an abrupt begin, which no single piece outweighs; and of a piece that begins in another way
+    # than most.
+    abrupt, otherwise = 0.94, 0.1
+    prior = np.full(ways, (1.0 - abrupt) / (ways - 1))
+    prior[0] = abrupt
     other = logsumexp(log_likelihoods, axis=1, keepdims=True) - math.log(ways)
-    of_pieces = np.logaddexp(math.log(1.0 - OTHER) + log_likelihoods, math.log(OTHER) + other)
+    of_pieces = np.logaddexp(
+        math.log(1.0 - otherwise) + log_likelihoods, math.log(otherwise) + other
+    )
     return softmax(np.log(prior) + of_pieces.sum(0))
 
 

@@ -36,17 +36,6 @@ from hybrid_env.live import TRIANGLE
 from hybrid_env.noises import StudentNoise
 from hybrid_env.quickest_options import QuickestOptions
 
-# Segments that are followed over all ticks of a recording whose histories are told apart by more
-# than the present segment, and at most at a tick.
-NODES = 60_000
-LARGEST = 4_096
-# Headings of an object whose start is not known.
-HEADINGS = 8
-# Rows that a change of the mode costs. A piece between two of one mode is worth it if it makes more
-# than twice as many rows right; a piece between two other modes has three rows or more.
-CHANGE_COST = 2.0
-# Share of its usual speed below which an object that may stop stands, also while it brakes.
-STANDS = 0.3
 # Share of the process noise of a recording, found or given, by which modes are decided: a noise
 # that was found also covers brakes, and turns that begin gradually. It was chosen for simulated
 # objects with both.
@@ -136,8 +125,11 @@ def smooth_modes(
         start = check_array("start", start[0], (4,)), check_array("start", start[1], (4, 4))
         check_covariance("start", start[1], definite=False)
     starts, rough = starts_of(start, values[0, :2], noises[0], options)
-    if branches is None and most * len(values) <= NODES:
-        most = max(most, min(LARGEST, NODES // len(values)))
+    # Segments that are followed over all ticks of a recording whose histories are told apart by
+    # more than the present segment, at most 4,096 at a tick.
+    segments = 60_000
+    if branches is None and most * len(values) <= segments:
+        most = max(most, min(4_096, segments // len(values)))
         model = model._replace(depth=DEPTH)
     lattice = walk_lattice(values, starts, ends, most, model)
     probabilities, log_likelihood = smooth_lattice(lattice, model), lattice.evidence
@@ -188,7 +180,8 @@ def _find_pieces(
         # Rough turn rates are enough to find where the object stands.
         speeds = smoother.smooth(pieces, rounds=1)[2][:, 0].copy()
         speeds[stands[modes_of(pieces)]] = 0.0
-        worth[speeds < STANDS * options.speed] = stands
+        # Below this share of its usual speed it stands, also while it brakes.
+        worth[speeds < 0.3 * options.speed] = stands
         pieces = runs_of(choose_modes(worth, weights))
         smoother.smooth(pieces, rounds=1)
         # The beam does not tell turns from each other that begin in an unknown direction.
@@ -281,7 +274,7 @@ def starts_of(
     """
     if start is not None:
         return np.array([[*start[0], *start[1][TRIANGLE]]]), start
-    angles = 2.0 * np.pi * np.arange(HEADINGS) / HEADINGS
+    angles = 2.0 * np.pi * np.arange(8) / 8
     x, y = position
     wide = 25.0 * max(noise[0], noise[2])
     starts = []
@@ -343,10 +336,7 @@ def _choose(
 
 
 def choose_modes(
-    probabilities: FloatArray,
-    weights: FloatArray,
-    cost: float = CHANGE_COST,
-    last: int | None = None,
+    probabilities: FloatArray, weights: FloatArray, cost: float = 2.0, last: int | None = None
 ) -> IntArray:
     """Return the modes (T,) with the largest expected number of right rows, less the cost of each
     change.

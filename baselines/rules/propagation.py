@@ -16,8 +16,6 @@ from hybrid_env.compiled import FilterModel, compiled, internal, move_turn, stat
 
 # States of a filter: [x, vx, y, vy, centre_x, centre_y, turn_rate].
 FILTER_STATES = 7
-# Entries of y in a covariance of the seven states, upper triangle row by row.
-OF_Y = 2, 8, 13, 14, 15, 16, 17
 # (2, 14) position of the object less that of the bank's filter.
 APART = (
     np.eye(2 * FILTER_STATES)[[0, 2]]
@@ -97,10 +95,12 @@ def _tick(
     first, last = np.uint64(0), np.uint64(1)
     step_motion(kalman, memory.innovation[0], first, last, None, measured, sensors, model)
     # K = P H' / R with the corrected P.
+    # Entries of y in a covariance of the seven states, upper triangle row by row.
+    of_y = 2, 8, 13, 14, 15, 16, 17
     of_measured = np.empty((2, FILTER_STATES))
     for j in range(FILTER_STATES):
         of_measured[0, j] = kalman.covariance[j, 0]
-        of_measured[1, j] = kalman.covariance[OF_Y[j], 0]
+        of_measured[1, j] = kalman.covariance[of_y[j], 0]
     gains = precision @ of_measured
     correction = np.eye(2 * FILTER_STATES)
     correction[FILTER_STATES:] += gains.T @ APART

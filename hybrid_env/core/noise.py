@@ -20,20 +20,16 @@ from hybrid_env.core.memory import LANES, FloatArray, address_as
 
 # Laws of the measurement noise; the last one calls a function of the user.
 GAUSSIAN, OUTLIERS, LEVY, STUDENT_T, OWN = range(5)
-# Of an error of a law of the user, over sqrt(R).
-LARGEST_ERROR = 1e6
 # The row with the uniform number that decides whether a tick has a measurement.
 LOST = 6
 # Of the elementary exponential.
 LARGEST_EXPONENT = 700.0
 
-_Words = tuple[np.uint64, np.uint64, np.uint64, np.uint64]
-
 
 @inlined
 def _advance(
     s0: np.uint64, s1: np.uint64, s2: np.uint64, s3: np.uint64
-) -> tuple[np.uint64, _Words]:
+) -> tuple[np.uint64, tuple[np.uint64, np.uint64, np.uint64, np.uint64]]:
     """Return the next 64 random bits and the next state. xoshiro256++."""
     total = s0 + s3
     bits = ((total << np.uint64(23)) | (total >> np.uint64(41))) + s0
@@ -238,10 +234,10 @@ _function_at = address_as(types.ExternalFunctionPointer(_COLUMNS, int))
 
 @formula
 def _limited(error: float) -> float:
-    """Return an error of a magnitude of at most `LARGEST_ERROR`, also of infinity and NaN."""
-    if abs(error) <= LARGEST_ERROR:
-        return error
-    return math.copysign(LARGEST_ERROR, error)
+    """Return an error of a law of the user, over sqrt(R), of a magnitude of at most a million, also
+    of infinity and NaN.
+    """
+    return error if abs(error) <= 1e6 else math.copysign(1e6, error)
 
 
 def compile_law(draw: Callable[..., Any], law: tuple[Any, ...]) -> Any:

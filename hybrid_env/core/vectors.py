@@ -14,9 +14,6 @@ from hybrid_env.core.compilation import intrinsic
 
 Vector = tuple[float, ...]
 
-# Bound of the rounding errors of a prediction or correction, relative to the variances before it.
-ROUNDING = 1e-14
-
 
 def _code(result: Any, arguments: Sequence[Any], compute: Callable[..., Any]) -> Any:
     """Return the signature and the code of an intrinsic. compute: builds the instructions from the
@@ -101,15 +98,15 @@ def rows_of(_typing: Any, triangle: Any) -> Any:
 
 @intrinsic
 def widened(_typing: Any, triangle: Any) -> Any:
-    """Return a covariance with variances that are larger by `ROUNDING`. What is calculated from it
-    is positive semidefinite in spite of rounding errors.
+    """Return a covariance with variances that are larger by a bound of the rounding errors of a
+    prediction or correction. What is calculated from it is positive semidefinite in spite of them.
     """
 
     def compute(builder: Any, entries: Any) -> Any:
         result = list(entries)
         for k, row in enumerate(_symmetric(range(len(entries)))):
             variance = entries[row[k]]
-            result[row[k]] = builder.fmul(variance, variance.type(1.0 + ROUNDING))
+            result[row[k]] = builder.fmul(variance, variance.type(1.0 + 1e-14))
         return result
 
     return _code(triangle, (triangle,), compute)

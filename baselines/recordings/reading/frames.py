@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pyproj
 
-from baselines.recordings.reading.names import FRAMES, plain_name, split_unit
+from baselines.recordings.reading.names import plain_name, split_unit
 from baselines.recordings.reading.table import Table
 from hybrid_env.checks import ArgumentError, FloatArray, reject
 
@@ -14,8 +14,9 @@ from hybrid_env.checks import ArgumentError, FloatArray, reject
 def frame_of(
     table: Table, roles: dict[str, int], values: FloatArray, given: str | None, pixels: bool
 ) -> str | None:
-    """Return the frame of positions on a plane, one of `FRAMES`, by the names and sizes of the
-    columns; None if nothing says it.
+    """Return the frame of positions on a plane, where x and y point, by the names and sizes of the
+    columns: "enu", x east and y north; "ned", x north and y east; "image", y down; "ecef", from the
+    earth's centre. None if nothing says it.
 
     Args:
         table: cells of the file.
@@ -24,8 +25,9 @@ def frame_of(
         given: by the caller, who is right where names do not contradict.
         pixels: whether positions are in pixels.
     """
-    if given is not None and given not in FRAMES:
-        raise reject("frame", given, f"one of {', '.join(FRAMES)}")
+    frames = "enu", "ned", "image", "ecef"
+    if given is not None and given not in frames:
+        raise reject("frame", given, f"one of {', '.join(frames)}")
     if given == "ecef" and "z" not in roles:
         raise reject("frame", given, f"x, y and z: {table.file} has no z ({table.listed()})")
     name = split_unit(table.names[roles["x"]])[0]

@@ -107,9 +107,6 @@ SECONDS = {
 """Units of time [s]."""
 
 DEGREES = ("deg", "degree", "degrees", "°")
-FRAMES = "enu", "ned", "image", "ecef"
-"""Where x and y point: x east and y north; x north and y east; y down; from the earth's centre."""
-
 
 ROLE_OF = {name: role for role, names in ROLES.items() for name in names.split()}
 

@@ -58,14 +58,10 @@ from hybrid_env.core.memory import (
     triangle_of,
 )
 from hybrid_env.core.motion import heading_vector
-from hybrid_env.core.vectors import Vector, combination, minus_square, widened
+from hybrid_env.core.vectors import combination, minus_square, widened
 
 # Smaller log probabilities count as this one.
 NEGLIGIBLE = -700.0
-# Probability of a mode that no transition leads to.
-UNREACHABLE = 1e-300
-NO_STATE: Vector = (0.0,) * 7
-NO_COVARIANCE: Vector = (0.0,) * 28
 
 
 @formula
@@ -155,16 +151,18 @@ def _mix_mode(bank: DenseImmBank, h: int, first: int, last: int) -> None:
     """
     mixed = bank.mixed[h]
     modes = bank.hypotheses.size
+    nothing = (0.0,) * 28
     for lane in range(first, last):
         mixed.log_probability[lane] = 0.0
-        write_filter(mixed, lane, NO_STATE, NO_COVARIANCE)
+        write_filter(mixed, lane, nothing[:7], nothing)
     for g in range(modes):
         kalman = bank.hypotheses[g]
         for lane in range(first, last):
             probability = exp(max(kalman.log_probability[lane], NEGLIGIBLE))
             mixed.log_probability[lane] += bank.transitions[g, h] * probability
     for lane in range(first, last):
-        mixed.log_probability[lane] = log(max(mixed.log_probability[lane], UNREACHABLE))
+        # No transition may lead to the mode.
+        mixed.log_probability[lane] = log(max(mixed.log_probability[lane], 1e-300))
     own = bank.hypotheses[h]
     for g in range(modes):
         kalman = bank.hypotheses[g]
