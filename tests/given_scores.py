@@ -9,7 +9,7 @@ from agents.comparison.comparison import Comparison
 from agents.evaluation.report import Result
 from agents.evaluation.task import task_of
 from baselines.rules.decider import rules
-from baselines.scoring import decisions, statements
+from baselines.scoring import decisions
 from baselines.scoring.scores import Scores
 
 ANNOUNCED = task_of("hybrid_env:HybridTrackPublished-v0", {"scheme": "random 1000x50"})
@@ -47,7 +47,7 @@ def unknown_scores(name, rates, delays, rewards):
     delays, switches = np.array(delays), np.full(len(rates), 8.0)
     return scores_of(
         name,
-        statements.STATEMENT_COLUMNS,
+        UNKNOWN.columns,
         6,
         {"delay_quantiles": np.stack([delays, delays], axis=1)},
         reward=rewards,

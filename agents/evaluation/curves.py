@@ -154,21 +154,6 @@ def _unknown_panels(task: Any, groups: Groups) -> list[Panel]:
             margin = 0.06 * (max(shown) - min(shown))
             limits = min(shown) - margin, max(shown) + margin
         parts.append(Panel(title, axis, Axis(label, limits), drawn))
-    return parts + (_identification_panels(groups) if task.several_of_type else [])
-
-
-def _identification_panels(groups: Groups) -> list[Panel]:
-    """Return the shares of switches whose type and whose mode is named after some ticks."""
-    styles = decider_styles(groups)
-    parts = []
-    for k, title in enumerate(("Type of the mode named", "Mode named")):
-        drawn = []
-        for name, group in groups.items():
-            every = [entry.scores.extra["named_within"][entry.chosen, k] for entry in group]
-            shares = 100.0 * np.mean(every, axis=0)
-            drawn.append(Curve(name, styles[name], np.arange(shares.size), shares, size=0.0))
-        times = Axis("ticks after a switch", (0.0, float(shares.size)))
-        parts.append(Panel(title, times, Axis("switches, %", (0.0, 100.0)), drawn))
     return parts
 
 

@@ -271,17 +271,21 @@ class UnknownTask(Task):
 
     switches = UNKNOWN
     columns = statements.STATEMENT_COLUMNS + statements.TYPE_COLUMNS
-    metrics = tuple(
-        Metric(name, head, statements.STATISTICS[name], digits, scale)
-        for name, head, digits, scale in (
-            ("reward", "reward", 4, 1.0),
-            ("right", "right\n%", 1, 100.0),
-            ("delay", "delay\nmean", 1, 1.0),
-            ("missed", "missed\n%", 1, 100.0),
-            ("full_delay", "delay,\nall", 1, 1.0),
-            ("wrong_changes", "wrong\n/1000", 2, 1.0),
-            ("change_ratio", "changes", 2, 1.0),
-        )
+    metrics = (
+        *(
+            Metric(name, head, statements.STATISTICS[name], digits, scale)
+            for name, head, digits, scale in (
+                ("reward", "reward", 4, 1.0),
+                ("right", "right\n%", 1, 100.0),
+                ("delay", "delay\nmean", 1, 1.0),
+                ("missed", "missed\n%", 1, 100.0),
+                ("full_delay", "delay,\nall", 1, 1.0),
+                ("wrong_changes", "wrong\n/1000", 2, 1.0),
+                ("change_ratio", "changes", 2, 1.0),
+            )
+        ),
+        Metric("type_delay", "type\ndelay", statements.of_types("delay"), 1),
+        Metric("type_missed", "type\nmissed, %", statements.of_types("missed"), 1, 100.0),
     )
     notes = (
         "delay: ticks from a switch to the first right statement; 50 and 90 % quantiles.\n"
@@ -306,16 +310,8 @@ class UnknownTask(Task):
 
     @property
     def further(self) -> tuple[str, tuple[Metric, ...]]:
-        """How often and when type and mode are stated after a switch, if a type has several
-        modes.
-        """
-        heads = {"identified": ("named, %", 100.0), "delay": ("delay", 1.0)}
-        return "Type and mode after a switch", tuple(
-            Metric(f"{kind}_{name}", f"{kind}\n{head}", statistics[name], 1, scale)
-            for kind, statistics in statements.IDENTIFICATION.items()
-            for name, (head, scale) in heads.items()
-            if self.several_of_type
-        )
+        """See `Task.further`."""
+        return "", ()
 
     def batch(self) -> int:
         # A million statements with 3 modes need about 500 MB with 20 thresholds.
@@ -337,27 +333,18 @@ class UnknownTask(Task):
         if self.several_of_type:
             named = statements.Statements(*(self.options.types[modes] for modes in recorded))
             of_types = statements.measure_statements(named, cost)
-        # Ticks after a switch, of the curves of identification.
-        longest = min(100, int(self.options.ticks))
-        within = np.array([[each.named_within(longest) for each in (of_types, metrics)]])
         values = np.hstack([metrics.values, of_types.values])
-        return values, {"delays": metrics.delays, "named_within": within}
+        return values, {"delays": metrics.delays}
 
     def error_rates(self, scores: Scores) -> FloatArray:
         """Return the wrong changes in 1,000 ticks."""
         return scores.curve(self.statistic("wrong_changes"))
 
     def extra(self, samples: Mapping[str, AnyArray]) -> dict[str, AnyArray]:
-        """Return quantiles of detected delays [ticks], and shares of types and modes named in
-        time (2, ticks + 1).
-        """
+        """Return quantiles of detected delays [ticks]."""
         delays = samples["delays"]
-        counts = samples["named_within"].sum(0)
         quantiles = np.quantile(delays, (0.5, 0.9)) if delays.size else np.full(2, np.nan)
-        return {
-            "delay_quantiles": quantiles,
-            "named_within": counts[:, :-1] / np.maximum(counts[:, -1:], 1),
-        }
+        return {"delay_quantiles": quantiles}
 
     def levels(self, reference: Scores, default: float) -> tuple[Metric, ...]:
         """Return delays and misses at an equal rate of wrong changes; those at the first

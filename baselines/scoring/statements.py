@@ -2,7 +2,7 @@
 the environment charges, is one to a mode that is not true at its tick.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -28,17 +28,11 @@ detected counts until the end of its segment; wrong changes per 1,000 ticks; cha
 statement per switch.
 """
 
-IDENTIFICATION = {
-    name: {
-        "identified": Statistic(
-            (f"{prefix}detected", f"{prefix}missed"),
-            lambda detected, missed: quotient(detected, missed + detected),
-        ),
-        "delay": ratio(f"{prefix}delay", f"{prefix}detected"),
-    }
-    for name, prefix in (("type", "type_"), ("mode", ""))
-}
-"""Share of the switches whose new type or mode is named before the next one, and mean delay."""
+
+def of_types(name: str) -> Statistic:
+    """Return a figure of the types of the modes, such as left: see `TYPE_COLUMNS`."""
+    statistic = STATISTICS[name]
+    return replace(statistic, columns=tuple(f"type_{column}" for column in statistic.columns))
 
 
 class Statements(NamedTuple):
@@ -84,13 +78,6 @@ class StatementMetrics:
         """Return a value of all tracks, a key of `STATISTICS`; NaN where nothing was counted."""
         statistic = STATISTICS[name]
         return float(statistic.function(*(getattr(self, key).mean() for key in statistic.columns)))
-
-    def named_within(self, longest: int) -> IntArray:
-        """Return how many new modes are stated within 0 .. longest ticks of the switch, and how
-        many switches count.
-        """
-        counts = np.bincount(np.minimum(self.delays, longest + 1), minlength=longest + 2)[:-1]
-        return np.append(counts.cumsum(), self.delays.size + self.missed.sum())
 
 
 STATEMENT_COLUMNS = tuple(field.name for field in fields(StatementMetrics))[1:]

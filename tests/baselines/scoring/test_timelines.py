@@ -109,7 +109,6 @@ def test_delays_of_two_short_tracks():
     metrics = measure_statements(Statements(true, stated), change_cost=2.0)
 
     assert metrics.delays.tolist() == [1, 2]
-    assert metrics.named_within(3).tolist() == [0, 1, 2, 2, 2]
     assert metrics.value("change_ratio") == pytest.approx(5 / 3)
 
 
