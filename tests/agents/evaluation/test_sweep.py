@@ -30,7 +30,7 @@ def test_scores_of_unknown_switches_are_those_of_recorded_statements():
     for index, threshold in enumerate((0.5, 0.8)):
         recorded = record_statements(ThresholdDecider(threshold), 20, 3, **vars(UNKNOWN.options))
         metrics = measure_statements(recorded, UNKNOWN.options.change_cost)
-        for metric in UNKNOWN.metrics:
+        for metric in UNKNOWN.shown:
             estimate = scores.estimate(metric.statistic, index)
             assert estimate.value == pytest.approx(metrics.value(metric.name))
             assert estimate.low <= estimate.value <= estimate.high
