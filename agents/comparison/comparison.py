@@ -103,15 +103,6 @@ class Comparison:
         bound = self.of_bound["reward"].value if self.of_bound else None
         return comparison_figure(self.plan.task, self.seed_groups, bound)
 
-    def largest_difference(self) -> tuple[Result, int]:
-        """The best agent, or without one the best rule, and the episode in which it differs most
-        from the reference.
-        """
-        agents = [entry for entry in self.entries if entry.learned]
-        best = max(agents, key=lambda entry: entry.selected) if agents else self.best_rule
-        mine, other = (entry.scores.of("reward", entry.chosen) for entry in (best, self.entries[0]))
-        return best, int(np.abs(mine - other).argmax())
-
     def as_json(self) -> dict[str, Any]:
         """Return the contents of tables and figures for `write_json`, with every point of the
         curves.
@@ -140,9 +131,7 @@ class Comparison:
         }
 
     def tables(self) -> Iterator[Table]:
-        """Return the metrics at the selected thresholds, figures of whole curves, and further
-        metrics.
-        """
+        """Return the metrics at the selected thresholds, and figures of whole curves."""
         plan, task = self.plan, self.plan.task
         criterion = "the best reward" if plan.accuracy is None else f"{plan.accuracy:.1%} accuracy"
         title = f"{task.title}: {task.size(plan.episodes)}, common to all"
@@ -150,11 +139,6 @@ class Comparison:
         yield scores_table(self.entries, self.best_rule, title, notes, self.of_bound)
         if plan.curves:
             yield self._levels_table()
-        title, metrics = task.further
-        if metrics:
-            yield metrics_table(
-                title, metrics, {entry.name: entry.estimates for entry in self.entries}
-            )
         spread = {
             f"{group}, {len(entries)} seeds": self._spread(entries)
             for group, entries in self.seed_groups.items()
@@ -201,8 +185,16 @@ class Comparison:
         }
 
     def lines(self) -> Iterator[str]:
-        """Return a line for each decider that does not reach the requested accuracy."""
-        plan = self.plan
+        """Return which episode is worth a look, with the best agent, or without one the best rule;
+        and a line for each decider that does not reach the requested accuracy.
+        """
+        plan, first = self.plan, self.entries[0]
+        agents = [entry for entry in self.entries if entry.learned]
+        best = max(agents, key=lambda entry: entry.selected) if agents else self.best_rule
+        if best is not first:
+            mine, other = (entry.scores.of("reward", entry.chosen) for entry in (best, first))
+            seed = plan.seed + int(np.abs(mine - other).argmax())
+            yield f"{best.name} and {first.name} differ most with `hybridtrack play --seed {seed}`"
         if plan.accuracy is not None and plan.curves:
             for entry in self.entries:
                 if entry.scores.curve(plan.task.statistic("accuracy")).max() < plan.accuracy:

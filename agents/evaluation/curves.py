@@ -176,5 +176,4 @@ def comparison_figure(task: Task, groups: Groups, bound: float | None = None) ->
         note += " A switch that is not detected counts until the end of its segment."
     if task.waits:
         return curve_figure([[part] for part in parts], (6.8, 7.6), title, note, sharex=True)
-    rows = [parts[k : k + 2] for k in range(0, len(parts), 2)]
-    return curve_figure(rows, (13.0, 5.2 * len(rows)), title, note)
+    return curve_figure([parts], (13.0, 5.2), title, note)

@@ -1,6 +1,4 @@
-"""Episodes of a decider on one track: playing them, their table, and their picture beside that of
-other deciders.
-"""
+"""Episodes of a decider on one track: playing them, their table, and their page."""
 
 from collections.abc import Iterator
 from itertools import pairwise
@@ -13,7 +11,7 @@ from scipy.special import softmax
 from agents.evaluation.cells import filled_table
 from agents.evaluation.registry import find_decider, load_decider
 from agents.evaluation.task import Task
-from agents.figures.tracks import UNDECIDED, TrackRecord
+from agents.figures.tracks import UNDECIDED
 from agents.interface.output_files import finite
 from baselines.rules.rollout import rollout
 from baselines.scoring.statements import Statements, measure_statements
@@ -67,14 +65,6 @@ class Episodes:
                 self.history.set_evidence(evidence[0])
             yield self.history
 
-    def record(self, name: str, seed: int) -> TrackRecord:
-        """Play an episode and return what was declared or stated at every tick, with the name in
-        the figure.
-        """
-        # Plays the episode.
-        list(self.play(seed))
-        return TrackRecord(name=name, history=self.history, **timeline(self.task, self.history))
-
     def page_data(self) -> dict[str, Any]:
         """Return what a page shows of the episode that was played last."""
         rows, rewards = zip(*self.rewards, strict=True)
@@ -99,16 +89,17 @@ def episode_table(task: Task, title: str, history: History) -> Table:
         verdict = "[green]correct[/]" if decisions["right"][end - 1] else "[red]wrong[/]"
         until = str(decided[first:end].argmax()) if decided[first:end].any() else "all"
         rows.append((str(number + 1), *modes, verdict, f"{until} of {end - first}"))
-    words = (
-        ("decided", "undecided", "") if announced else ("last", "not right", decisions["summary"])
-    )
+    words = ("decided", "undecided") if announced else ("last", "not right")
     heads = ("segment", "true mode", f"{words[0]} mode", "decision", f"ticks\n{words[1]}")
-    return filled_table(title, heads, rows, words[2], texts=4)
+    return filled_table(title, heads, rows, decisions["summary"], texts=4)
 
 
 def timeline(task: Task, history: History) -> dict[str, Any]:
-    """Return what was declared or stated in an episode: attributes of `TrackRecord`."""
-    return (_declared if task.waits else _stated)(task, history)
+    """Return what was declared or stated in an episode of T ticks: `modes` (T,), `UNDECIDED` before
+    a declaration; whether they are `right` (T,); the ticks `marks` at which a mode is declared, or
+    the statement changes; a `summary` of statements.
+    """
+    return _declared(history) if task.waits else _stated(task, history)
 
 
 def page_data(task: Task, history: History, rewards: FloatArray) -> dict[str, Any]:
@@ -137,7 +128,7 @@ def page_data(task: Task, history: History, rewards: FloatArray) -> dict[str, An
     return {name: finite(array) for name, array in arrays.items()}
 
 
-def _declared(task: Task, history: History) -> dict[str, Any]:
+def _declared(history: History) -> dict[str, Any]:
     """Return the declarations: statements from their tick to the end of the segment."""
     lengths, ticks, correct = (
         np.array([getattr(decision, key) for decision in history.decisions])
@@ -145,13 +136,11 @@ def _declared(task: Task, history: History) -> dict[str, Any]:
     )
     switches = np.cumsum(lengths) - lengths
     since = np.arange(len(history.stated)) - np.repeat(switches, lengths)
-    rewards = task.options.segment_reward(correct, ticks)
     return {
         "modes": np.where(since < np.repeat(ticks, lengths), UNDECIDED, history.stated),
-        "switches": switches,
         "right": np.repeat(correct, lengths),
         "marks": switches + ticks - 1,
-        "summary": f"{rewards.mean():+.2f}",
+        "summary": "",
     }
 
 
@@ -173,7 +162,6 @@ def _stated(task: Task, history: History) -> dict[str, Any]:
     return {
         "modes": stated,
         "right": true == stated,
-        "switches": np.zeros(0, np.int64),
         "marks": np.flatnonzero(np.diff(stated, prepend=stated[:1])),
         "summary": ", ".join(words),
     }

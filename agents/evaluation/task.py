@@ -131,11 +131,6 @@ class Task(ABC):
             if self.several_of_type or not metric.name.startswith("type_")
         )
 
-    @property
-    @abstractmethod
-    def further(self) -> tuple[str, tuple[Metric, ...]]:
-        """Title and metrics of a further table; no metrics without one."""
-
     def size(self, episodes: int) -> str:
         """Return a number of episodes in words, for titles."""
         return f"{episodes * self.length:,} {self.unit}s"
@@ -178,8 +173,7 @@ class Task(ABC):
         """Return all metrics of scores by name, at the threshold of an index or at the only
         one.
         """
-        metrics = (*self.metrics, *self.further[1])
-        return {metric.name: scores.estimate(metric.statistic, index) for metric in metrics}
+        return {metric.name: scores.estimate(metric.statistic, index) for metric in self.metrics}
 
     def best(self, scores: Scores) -> int:
         """Return the index of the threshold with the largest mean reward."""
@@ -217,14 +211,6 @@ class AnnouncedTask(Task):
             return (self.reference, "at-once", "msprt", "msprt-kept", "propagated")
         by_type = self.options.correctness == "type"
         return (self.reference, "at-once", "sprt", "msprt-type" if by_type else "msprt")
-
-    @property
-    def further(self) -> tuple[str, tuple[Metric, ...]]:
-        """See `Task.further`."""
-        return "Error rate by previous decision", tuple(
-            Metric(f"error_after_{name}", f"after a {name}\ndecision, %", statistic, 1, 100.0)
-            for name, statistic in decisions.ERROR_AFTER.items()
-        )
 
     def batch(self) -> int:
         return batch_size(self.options)
@@ -307,11 +293,6 @@ class UnknownTask(Task):
     def deciders(self) -> tuple[str, ...]:
         """All rules; see `Task.deciders`."""
         return tuple(dict.fromkeys((self.reference, *rules(UNKNOWN))))
-
-    @property
-    def further(self) -> tuple[str, tuple[Metric, ...]]:
-        """See `Task.further`."""
-        return "", ()
 
     def batch(self) -> int:
         # A million statements with 3 modes need about 500 MB with 20 thresholds.

@@ -4,17 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from baselines.scoring.scores import Statistic, quotient, ratio
+from baselines.scoring.scores import Statistic, quotient
 from hybrid_env.checks import BoolArray, FloatArray, IntArray
 
 RMSE = Statistic(
     ("squared_error", "length"), lambda error, length: np.sqrt(quotient(error, length))
 )
-ERROR_AFTER = {
-    "correct": ratio("wrong_after_correct", "after_correct"),
-    "wrong": ratio("wrong_after_wrong", "after_wrong"),
-}
-"""Error rates after a correct and after a wrong decision in the episode."""
 
 
 @dataclass(frozen=True)
@@ -44,11 +39,8 @@ class Decisions:
         """Values of each episode, (E, F), see `DECISION_COLUMNS`: means over its segments, then
         sums.
         """
-        right = self.correct[:, :-1]
-        wrong = ~self.correct[:, 1:]
         means = self.correct, self.type_correct, self.ticks, self.reward, self.forced
-        sums = (self.squared_error, self.length, wrong & right, right, wrong & ~right, ~right)
-        columns = *(each.mean(1) for each in means), *(each.sum(1) for each in sums)
+        columns = (*(each.mean(1) for each in means), self.squared_error.sum(1), self.length.sum(1))
         return np.stack(columns, axis=1)
 
 
@@ -60,9 +52,5 @@ DECISION_COLUMNS = (
     "forced",
     "squared_error",
     "length",
-    "wrong_after_correct",
-    "after_correct",
-    "wrong_after_wrong",
-    "after_wrong",
 )
 """Names of the values of an episode."""

@@ -11,18 +11,15 @@ from agents.cli import main
 from agents.training.algorithm import Algorithm
 
 
-def test_compare_writes_figures_and_data(tmp_path):
+def test_compare_writes_figures_and_data(tmp_path, capsys):
     line = (
         "compare threshold cusum shipped --env HybridTrackQuickest-v0 --ticks 40"
         f" --durations 'uniform 8-15' --episodes 8 --selection-episodes 6 --out {tmp_path}"
     )
 
     assert main(shlex.split(line)) == 0
-    assert {path.name for path in tmp_path.iterdir()} == {
-        "compare.json",
-        "compare.png",
-        "episode.png",
-    }
+    assert {path.name for path in tmp_path.iterdir()} == {"compare.json", "compare.png"}
+    assert "shipped and IMM threshold differ most" in capsys.readouterr().out
     data = json.loads((tmp_path / "compare.json").read_text())
     names = [decider["name"] for decider in data["deciders"]]
     assert names == ["IMM threshold", "CUSUM", "shipped"]

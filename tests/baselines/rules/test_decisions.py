@@ -44,8 +44,6 @@ def test_figures_of_an_episode_are_those_of_its_segments():
 
     assert values["accuracy"] == values["type_accuracy"] == 0.5
     assert values["reward"] == pytest.approx(-0.1)
-    assert (values["wrong_after_correct"], values["after_correct"]) == (1, 1)
-    assert (values["wrong_after_wrong"], values["after_wrong"]) == (1, 2)
     scores = Scores("x", "k", (0.0,), DECISION_COLUMNS, decisions.values[..., None])
     # Over ticks, not over segments.
     assert scores.estimate(RMSE).value == pytest.approx(2.0)
