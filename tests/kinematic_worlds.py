@@ -1,4 +1,4 @@
-"""Random tracks of kinematic models, drawn with matrices of the whole state."""
+"""Matrices of kinematic models, and random draws."""
 
 import numpy as np
 from filterpy.common import Q_continuous_white_noise, Q_discrete_white_noise
@@ -21,33 +21,11 @@ def positions_of(model):
     return np.kron(np.eye(model.axes), np.eye(1, model.order))
 
 
-def squared_errors(error, covariance):
-    """Errors squared in units of their covariances (NEES), (B,)."""
-    return np.einsum("bi,bij,bj->b", error, np.linalg.inv(covariance), error)
-
-
 def draw(rng, mean, covariance, size):
     """Normal vectors, (size, n), also for singular covariances."""
     values, vectors = np.linalg.eigh(covariance)
     root = vectors * np.sqrt(values.clip(0.0))
     return mean + rng.normal(size=(size, len(values))) @ root.T
-
-
-def simulate(rng, model, times, start_covariance, noise, tracks):
-    """States (T, B, n) and measurements (T, B, d) of tracks that begin at time 0 with this
-    covariance.
-    """
-    state = draw(rng, 0.0, start_covariance, tracks)
-    states = []
-    last = 0.0
-    for time in times:
-        transition, spread = matrices(model, time - last)
-        state = state @ transition.T + draw(rng, 0.0, spread, tracks)
-        states.append(state)
-        last = time
-    states = np.array(states)
-    errors = draw(rng, 0.0, noise, len(times) * tracks).reshape(len(times), tracks, -1)
-    return states, states @ positions_of(model).T + errors
 
 
 def random_covariance(rng, size, scale=1.0):
