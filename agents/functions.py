@@ -80,7 +80,7 @@ def compare(
         out: folder for the trained agents, from which an interrupted comparison goes on; None
             writes nothing.
         options: of the environment, and the other flags of `hybridtrack compare`: episodes, seed,
-            selection_episodes, steps, training_seeds, accuracy, curves, jobs.
+            selection_episodes, steps, training_seeds, curves, jobs.
 
     Raises:
         ArgumentError: an argument is not allowed.

@@ -84,7 +84,6 @@ def comparison(task, *every, agents=0):
         episodes=every[0].episodes,
         selection_episodes=6,
         settings={},
-        accuracy=None,
         curves=True,
     )
     return Comparison(plan, entries, None)

@@ -27,7 +27,7 @@ hybridtrack compare ate msprt shipped runs/anchor --measurement-variance 1
 hybridtrack compare ate msprt ppo --training-seeds 5 --jobs 2 --out results/seeds
 hybridtrack compare ate mine.py:MyRule model.zip
 hybridtrack compare --no-curves --episodes 300     # a first look
-hybridtrack compare ate msprt-type msprt --env HybridTrackBank-v0 --accuracy 0.9""",
+hybridtrack compare ate msprt-type msprt --env HybridTrackBank-v0""",
     "play": """
 hybridtrack play shipped                           # in a window
 hybridtrack play msprt:0.02 --out episode.gif

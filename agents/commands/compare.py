@@ -26,7 +26,7 @@ class Compare(Plan):
     """
 
     GROUPS: ClassVar[Mapping[str, Sequence[str]]] = {
-        "comparison": ("accuracy", "curves", "steps", "training_seeds", "trust"),
+        "comparison": ("curves", "steps", "training_seeds", "trust"),
         "episode": ("episodes", "selection_episodes", "seed"),
         "output": ("out", "jobs", "engine"),
         **WorldArguments.GROUPS,

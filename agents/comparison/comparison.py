@@ -133,9 +133,8 @@ class Comparison:
     def tables(self) -> Iterator[Table]:
         """Return the metrics at the selected thresholds, and figures of whole curves."""
         plan, task = self.plan, self.plan.task
-        criterion = "the best reward" if plan.accuracy is None else f"{plan.accuracy:.1%} accuracy"
         title = f"{task.title}: {task.size(plan.episodes)}, common to all"
-        notes = f"Thresholds for {criterion}, selected on other episodes.\n"
+        notes = "Thresholds for the best reward, selected on other episodes.\n"
         yield scores_table(self.entries, self.best_rule, title, notes, self.of_bound)
         if plan.curves:
             yield self._levels_table()
@@ -185,18 +184,11 @@ class Comparison:
         }
 
     def lines(self) -> Iterator[str]:
-        """Return which episode is worth a look, with the best agent, or without one the best rule;
-        and a line for each decider that does not reach the requested accuracy.
-        """
-        plan, first = self.plan, self.entries[0]
+        """Yield which episode is worth a look, with the best agent or without one the best rule."""
+        first = self.entries[0]
         agents = [entry for entry in self.entries if entry.learned]
         best = max(agents, key=lambda entry: entry.selected) if agents else self.best_rule
         if best is not first:
             mine, other = (entry.scores.of("reward", entry.chosen) for entry in (best, first))
-            seed = plan.seed + int(np.abs(mine - other).argmax())
+            seed = self.plan.seed + int(np.abs(mine - other).argmax())
             yield f"{best.name} and {first.name} differ most with `hybridtrack play --seed {seed}`"
-        if plan.accuracy is not None and plan.curves:
-            for entry in self.entries:
-                if entry.scores.curve(plan.task.statistic("accuracy")).max() < plan.accuracy:
-                    missed = f"does not reach {plan.accuracy:.1%}"
-                    yield f"{entry.name} {missed}: its most accurate threshold is shown"

@@ -9,7 +9,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
-import numpy as np
 import tyro
 from rich.progress import Progress
 
@@ -32,8 +31,7 @@ from agents.interface.world_arguments import TrustArguments, WorldArguments
 from agents.training.recipe import load_recipe, recipe_names
 from baselines.rules import seeds
 from baselines.rules.decider import Decider
-from baselines.scoring.scores import Scores
-from hybrid_env.checks import Count, NotNegative, Probability, checked, declared_fields, reject
+from hybrid_env.checks import Count, NotNegative, checked, declared_fields, reject
 
 if TYPE_CHECKING:
     from agents.comparison.comparison import Comparison
@@ -52,10 +50,6 @@ class Plan(WorldArguments, TrustArguments, Workers):
     switches: {unknown}. Rules of your own: 'mine.py:MyRule'. Agents: 'shipped' or 'robust' (weights
     in the package), run folders, 'model.zip', or recipes to train now: 'ppo', 'dqn' ...
     """
-    accuracy: Annotated[Probability | None, shown_default("the threshold with the best reward")] = (
-        None
-    )
-    """Select the fastest threshold that reaches this accuracy."""
     curves: bool = True
     """Score every decider at every threshold; without curves, all but the reference at their
     selected one only, in half the time.
@@ -88,7 +82,6 @@ class Plan(WorldArguments, TrustArguments, Workers):
             "selection_episodes",
             "steps",
             "training_seeds",
-            "accuracy",
             "curves",
         )
         values = {name: getattr(self, name) for name in names}
@@ -113,8 +106,6 @@ class Plan(WorldArguments, TrustArguments, Workers):
         }
         deciders = self.deciders or (*task.deciders, *task.recipes, *task.shipped)
         plan: Any = dataclasses.replace(self, deciders=deciders, **usual)
-        if self.accuracy is not None and "accuracy" not in task.columns:
-            raise reject("accuracy", self.accuracy, f"no value in {task.title}")
         if self.seed + plan.episodes > seeds.SELECTION:
             allowed = f"at most {seeds.SELECTION} minus the number of episodes"
             raise reject("seed", self.seed, allowed)
@@ -208,8 +199,6 @@ class Plan(WorldArguments, TrustArguments, Workers):
         selection = sweep(task, decider, to_select, seeds.SELECTION, selecting)
         scoring(0.0)
         index = task.best(selection)
-        if self.accuracy is not None:
-            index = fastest(selection, self.accuracy)
         selected = float(selection.curve(task.statistic("reward"))[index])
         if not self.curves and name != self.deciders[0]:
             decider, index = decider.changed(thresholds=(decider.thresholds[index],)), 0
@@ -244,14 +233,3 @@ class Plan(WorldArguments, TrustArguments, Workers):
         report(f"Training {title}", 0.0)
         run.train(training)
         return run.agent(title), run_folder
-
-
-def fastest(scores: Scores, accuracy: float) -> int:
-    """Return the index of the fastest threshold at a required accuracy; if none reaches it, the
-    most accurate one.
-    """
-    means = dict(zip(scores.columns, scores.values.mean(0), strict=True))
-    reached = means["accuracy"] >= accuracy
-    if not reached.any():
-        return int(means["accuracy"].argmax())
-    return int(np.where(reached, means["ticks"], np.inf).argmin())
