@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from agents.interface.help_texts import shown_default
 from agents.interface.world_arguments import WorldArguments
-from hybrid_env.checks import Count, NotNegative, Positive, reject
+from hybrid_env.checks import Count, NotNegative, reject
 
 
 @dataclass(kw_only=True)
@@ -22,19 +22,13 @@ class Train(WorldArguments):
     out: Annotated[Path | None, shown_default("runs/<environment>-<recipe>-seed<seed>")] = None
     """Run folder, new or empty."""
     resume: Path | None = None
-    """Resume the run in this folder, with its environment and recipe; takes only --steps and
-    --save-every.
-    """
+    """Resume the run in this folder, with its environment and recipe; takes only --steps."""
     steps: Annotated[Count | None, shown_default("those of the recipe or of the resumed run")] = (
         None
     )
     """Environment steps, summed over tracks."""
     seed: NotNegative = 0
     """Seed of weights, tracks and mini-batches; training is reproducible for a given seed."""
-    save_every: Positive = 10.0
-    """Seconds between checkpoints; a resumed run repeats what followed the last one, with equal
-    results.
-    """
 
     def run(self) -> None:
         """Train with a progress display and print a summary."""
@@ -48,8 +42,8 @@ class Train(WorldArguments):
 
         if self.resume is not None:
             folder = self.resume
-            if self != Train(resume=self.resume, steps=self.steps, save_every=self.save_every):
-                raise reject("resume", str(folder), "no flags other than --steps and --save-every")
+            if self != Train(resume=self.resume, steps=self.steps):
+                raise reject("resume", str(folder), "no flag other than --steps")
             run = resume_run(folder, self.steps)
         else:
             name = find_algorithm(recipe.algo).run_name(self.env_id, recipe.name)
@@ -69,7 +63,7 @@ class Train(WorldArguments):
                 display.update(bar, completed=min(now.steps, now.total), note=now.note)
 
             try:
-                run.train(show, self.save_every)
+                run.train(show)
             except KeyboardInterrupt:
                 again = f"hybridtrack train --resume {folder} continues from its last checkpoint"
                 raise KeyboardInterrupt(again) from None
