@@ -36,7 +36,7 @@ class Reproduce:
     seed: int = 0
     """Seed of the simulated recordings."""
     out: Path = Path("results/papers")
-    """Output folder for the tables (Markdown and JSON) and the figures."""
+    """Output folder for the tables (Markdown and JSON)."""
     quick: bool = False
     """20 runs only, to see the form of the result."""
 
@@ -49,7 +49,7 @@ class Reproduce:
             begun = time.perf_counter()
             result = study.reproduce(**({} if runs is None else {"runs": runs}), seed=self.seed)
             path = self.out / paper
-            save_results(path, to_markdown(result), result.as_json(), result.figure)
+            save_results(path, to_markdown(result), result.as_json())
             print(f"Computed in {time.perf_counter() - begun:.1f} s.\n")
             results.append(result)
         (self.out / "reproduction.md").write_text(summary(results), encoding="utf-8")

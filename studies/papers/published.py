@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from studies.results import markdown_table
@@ -36,7 +35,6 @@ class Reproduction:
     findings: Sequence[Finding]
     # What the paper states on its number of runs.
     size: str = "100 runs"
-    figure: Figure | None = None
 
     @property
     def cells(self) -> pd.DataFrame:

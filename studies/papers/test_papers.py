@@ -4,7 +4,6 @@ import json
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 from matrix_filters import MatrixKalmanFilter
 
@@ -57,32 +56,6 @@ def test_the_published_delay_of_golubkov_2020_is_within_the_distribution():
     inside = cells[cells.verdict == "inside"].row.tolist()
 
     assert inside[:2] == ["alpha = 0.1", "alpha = 0.05"]
-
-
-def test_a_turn_is_named_when_all_other_turns_are_improbable():
-    # ln lambda_k of two turns: detected at the second tick, told apart at the fourth.
-    run = [[0.0, 0.5], [2.5, 2.4], [3.0, 2.0], [6.0, 1.0]]
-    ratios = np.array([run, np.full((4, 2), 1.0)])
-
-    turns, ticks = golubkov2020.name_turns(ratios, 2.0, 1.0)
-    assert (turns.tolist(), ticks[0]) == ([0, -1], 2)
-    # 1 / (1 + e) = 0.27 at the third tick, 0.007 at the fourth.
-    assert golubkov2020.name_turns(ratios, 2.0, 0.3)[1][0] == 3
-    assert golubkov2020.name_turns(ratios, 2.0, 0.1)[1][0] == 4
-    assert golubkov2020.name_turns(ratios, 2.0, 0.001)[0].tolist() == [-1, -1]
-
-
-def test_a_stricter_error_names_fewer_turns_and_more_of_them_right():
-    rows = golubkov2020.identification(runs=200, seed=0)
-    cells = pd.concat(rows).set_index(["table", "row", "column"]).ours
-    for table in cells.index.unique("table"):
-        undecided = cells[table, :, "undecided, %"]
-        right = cells[table, :, "turn right, %"]
-        assert undecided.is_monotonic_increasing
-        if "every turn" in table:
-            # The error is the share of wrong names where all turns are equally frequent.
-            assert right["error 1"] < 40.0
-            assert right["error 0.2"] > 70.0
 
 
 def test_intervals_are_those_of_a_mean_of_100_runs_and_of_all():
