@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, ClassVar, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from annotated_types import Interval, Unit
@@ -38,25 +38,44 @@ class _Placed(Checked):
     period: Ticks = 1
     range: Annotated[float, check_range] = math.inf
 
-    # Number of values that it measures.
-    values: ClassVar[int] = 2
+    @property
+    def rates(self) -> int:
+        """Number of range rates or coordinates of the velocity that it measures."""
+        raise NotImplementedError
+
+    @property
+    def values(self) -> int:
+        """Number of values that it measures."""
+        return 2 + self.rates
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sensor(_Placed):
-    """A sensor that measures the position of the object with an error of its own.
+    """A sensor that measures the position of the object with an error of its own, and by option its
+    velocity, as from speed and course over ground.
 
     It measures in the ticks 1, 1 + period, 1 + 2 period, ... of an episode in which the object is
     in range.
 
     Attributes:
         variance: of each measured coordinate [m^2].
+        velocity_variance: of each coordinate of the velocity [m^2/s^2]; None measures none.
         position: (x, y) of the sensor [m]; an object starts at (0, 0).
         period: ticks from one measurement to the next.
         range: largest distance of the object at which it is measured [m].
     """
 
     variance: Annotated[Quantity, Unit("m^2")]
+    velocity_variance: Annotated[Quantity, Unit("m^2/s^2")] | None = None
+
+    @property
+    def rates(self) -> int:
+        """Number of coordinates of the velocity that it measures."""
+        return 0 if self.velocity_variance is None else 2
+
+    def noise(self, x: float, y: float) -> tuple[float, float, float]:
+        """Return the covariance xx, xy, yy of a position [m^2]."""
+        return self.variance, 0.0, self.variance
 
     def located(self, values: FloatArray) -> Position:
         """Return a measured (x, y) [m] and its covariance xx, xy, yy [m^2]."""
@@ -76,8 +95,7 @@ class Radar(_Placed):
     Attributes:
         range_deviation: standard deviation of the range [m].
         bearing_deviation: of the bearing [rad].
-        rate_deviation: of the range rate [m/s]; None measures none. At most four radars of a list
-            do.
+        rate_deviation: of the range rate [m/s]; None measures none.
         position, period, range: see `Sensor`.
     """
 
@@ -86,9 +104,9 @@ class Radar(_Placed):
     rate_deviation: Annotated[Quantity, Unit("m/s")] | None = None
 
     @property
-    def values(self) -> int:  # type: ignore[override]
-        """Number of values that it measures."""
-        return 2 if self.rate_deviation is None else 3
+    def rates(self) -> int:
+        """Number of range rates that it measures."""
+        return 0 if self.rate_deviation is None else 1
 
     def located(self, values: FloatArray) -> Position:
         """Return the position of a measured (range, bearing, ...) and its covariance; bearings
@@ -129,16 +147,18 @@ class Fused(NamedTuple):
     position: tuple[float, float]
     # Xx, xy, yy of its error [m^2]; None is variance R.
     covariance: tuple[float, float, float] | None = None
-    # Range rate of each radar that measures it, in the order of the list [m/s]; NaN without one.
+    # Range rate, or velocity, of each sensor that measures it, in the order of the list [m/s]; NaN
+    # without one.
     rates: tuple[float, ...] = ()
 
 
 def fuse(sensors: Sequence[Sensor | Radar], values: Mapping[int, ArrayLike]) -> Fused:
     """Return what some of the sensors measured in a tick. values: of each sensor that measured, by
-    its place in the list: (x, y), (range, bearing) or (range, bearing, range rate) [m, rad, m/s].
+    its place in the list: (x, y), (x, y, vx, vy), (range, bearing) or (range, bearing, range rate)
+    [m, rad, m/s].
     """
     information = (0.0,) * 5
-    rates = []
+    rates: list[float] = []
     origin = None
     for k, sensor in enumerate(sensors):
         measured = None
@@ -147,8 +167,7 @@ def fuse(sensors: Sequence[Sensor | Radar], values: Mapping[int, ArrayLike]) -> 
             x, y, xx, xy, yy = sensor.located(measured)
             origin = origin or (x, y)
             information = add_information(information, x - origin[0], y - origin[1], (xx, xy, yy))
-        if sensor.values == 3:
-            rates.append(math.nan if measured is None else float(measured[2]))
+        rates += [math.nan] * sensor.rates if measured is None else measured[2:].tolist()
     if origin is None or not values.keys() <= set(range(len(sensors))):
         allowed = f"values of some of the {len(sensors)} sensors by their place in the list, from 0"
         raise reject("measurement", dict(values), allowed)
@@ -163,7 +182,7 @@ def parse_sensors(value: Any, name: str = "sensors") -> tuple[Sensor | Radar, ..
     most = 100
     allowed = (
         f"a list of at most {most}: hybrid_env.Sensor, Radar, mappings, or texts such as "
-        "'0.4 period 5 range 30 at 10 20', 'radar 5 0.01 rate 0.3'"
+        "'0.4 period 5 range 30 at 10 20', '0.4 velocity 0.01', 'radar 5 0.01 rate 0.3'"
     )
     if not isinstance(value, Sequence) or isinstance(value, (str, bytes)) or len(value) > most:
         raise reject(name, value, allowed)
@@ -178,8 +197,9 @@ def parse_sensors(value: Any, name: str = "sensors") -> tuple[Sensor | Radar, ..
         if not isinstance(given, (Sensor, Radar)):
             raise reject(name, value, allowed)
         sensors.append(given)
-    if sum(sensor.values == 3 for sensor in sensors) > MOST_RATES:
-        raise reject(name, value, f"at most {MOST_RATES} radars that measure the range rate")
+    if sum(sensor.rates for sensor in sensors) > MOST_RATES:
+        allowed = f"at most {MOST_RATES} range rates and coordinates of velocities"
+        raise reject(name, value, allowed)
     return tuple(sensors)
 
 
@@ -188,7 +208,7 @@ def _attributes(text: str) -> dict[str, Any]:
     match = re.fullmatch(
         r"(?:(?P<variance>\S+)|radar (?P<range_deviation>\S+) (?P<bearing_deviation>\S+))"
         r"(?: period (?P<period>\S+)| range (?P<range>\S+)| rate (?P<rate_deviation>\S+)"
-        r"| at (?P<x>\S+) (?P<y>\S+))*",
+        r"| velocity (?P<velocity_variance>\S+)| at (?P<x>\S+) (?P<y>\S+))*",
         " ".join(text.split()),
     )
     if match is None:
@@ -207,7 +227,6 @@ def sensor_table(sensors: Sequence[Sensor | Radar], variance: float) -> AnyArray
     """Return (k,) records `SENSOR` for the kernel; variance: R [m^2]."""
     table = np.zeros(len(sensors), SENSOR)
     rates = 0
-    table["rate_row"] = -1
     for row, sensor in zip(table, sensors, strict=True):
         row["x"], row["y"] = sensor.position
         row["period"] = sensor.period
@@ -215,12 +234,13 @@ def sensor_table(sensors: Sequence[Sensor | Radar], variance: float) -> AnyArray
         if isinstance(sensor, Sensor):
             row["deviation"] = math.sqrt(sensor.variance)
             row["precision"] = variance / sensor.variance
+            row["rate_deviation"] = math.sqrt(sensor.velocity_variance or 0.0)
         else:
             row["deviation"] = sensor.range_deviation
             row["precision"] = variance / sensor.range_deviation**2
             row["bearing_deviation"] = sensor.bearing_deviation
-            if sensor.rate_deviation is not None:
-                row["rate_deviation"] = sensor.rate_deviation
-                row["rate_row"] = rates
-                rates += 1
+            row["rate_deviation"] = sensor.rate_deviation or 0.0
+        row["rate_row"] = rates
+        row["rates"] = sensor.rates
+        rates += sensor.rates
     return table

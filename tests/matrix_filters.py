@@ -12,10 +12,11 @@ from hybrid_env.live import SQUARE
 FREEDOM = 4.0
 
 
-def correct(x, P, z, R, rates=(), freedom=0):
-    """Correct a filter by a position, and then by the range rates of radars, given as (range rate,
-    place of the radar, deviation), linearised at the state. The likelihood of the position is
-    normal, or Student's t with degrees of freedom. Return state, covariance and log-likelihood.
+def correct(x, P, z, R, rates=(), freedom=0, stands=False):
+    """Correct a filter by a position, and then by velocities, given as (velocity, None, deviation),
+    and range rates of radars, (range rate, place of the radar, deviation), linearised at the state.
+    The likelihood of the position is normal, or Student's t with degrees of freedom. Of an object
+    that stands all rates are expected to be 0. Return state, covariance and log-likelihood.
     """
     H = np.zeros((2, len(x)))
     H[0, 0] = H[1, 2] = 1.0
@@ -30,6 +31,17 @@ def correct(x, P, z, R, rates=(), freedom=0):
     K = P @ H.T @ np.linalg.inv(Sigma)
     x, P = x + weight * K @ innovation, P - K @ H @ P
     for rate, place, deviation in rates:
+        if stands:
+            likelihood += stats.norm.logpdf(rate, scale=deviation).sum()
+            continue
+        if place is None:
+            H = np.eye(len(x))[[1, 3]]
+            Sigma = H @ P @ H.T + deviation**2 * np.eye(2)
+            error = rate - H @ x
+            K = P @ H.T @ np.linalg.inv(Sigma)
+            x, P = x + K @ error, P - K @ H @ P
+            likelihood += stats.multivariate_normal(cov=Sigma).logpdf(error)
+            continue
 
         def range_rate(state, place=place):
             from_radar = state[[0, 2]] - place
@@ -51,10 +63,11 @@ def correct(x, P, z, R, rates=(), freedom=0):
 class MatrixFilter:
     """A filter with the state x and its covariance P, whose subclass has `predicted`."""
 
-    # Range rates of radars in the next tick, see `correct`.
+    # Velocities, and range rates of radars in the next tick, see `correct`.
     rates = ()
     freedom = 0
     log_likelihood = 0.0
+    stands = False
 
     def step(self, z):
         """One tick; a measurement None only predicts."""
@@ -64,7 +77,8 @@ class MatrixFilter:
         self.innovation = np.full(2, np.nan) if z is None else z - self.x[[0, 2]]
         if z is not None:
             self.distance = self.innovation @ np.linalg.solve(self.Sigma, self.innovation)
-            self.x, self.P, more = correct(self.x, self.P, z, R, self.rates, self.freedom)
+            heavy = self.freedom, self.stands
+            self.x, self.P, more = correct(self.x, self.P, z, R, self.rates, *heavy)
             self.log_likelihood += more
 
 
@@ -243,15 +257,17 @@ def step_filters(filters, env, i, measurement):
     noise, rates = (env.world.field(name)[i] for name in ("noise", "rates"))
     variance = np.sqrt(np.broadcast_to(env.options.variances, 2))
     missing = np.isnan(measurement).any()
-    radars = [sensor for sensor in env.options.sensors if getattr(sensor, "rate_deviation", None)]
+    measured = []
+    for sensor in env.options.sensors:
+        seen, rates = rates[: sensor.rates], rates[sensor.rates :]
+        if sensor.rates == 2:
+            measured.append((seen, None, math.sqrt(sensor.velocity_variance)))
+        elif sensor.rates == 1:
+            measured.append((seen[0], sensor.position, sensor.rate_deviation))
     for kalman in filters:
         ratio = np.eye(2) if missing else noise[[[0, 1], [1, 2]]]
         kalman.R = ratio * np.outer(variance, variance)
-        kalman.rates = [
-            (rate, radar.position, radar.rate_deviation)
-            for rate, radar in zip(rates, radars, strict=False)
-            if not np.isnan(rate)
-        ]
+        kalman.rates = [each for each in measured if not np.isnan(each[0]).any()]
         kalman.step(None if missing else measurement)
 
 

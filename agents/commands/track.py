@@ -282,11 +282,13 @@ def report_lines(tracked: TrackedRecording) -> list[str]:
         "measurement_variance": f"R {model.measurement_variance:.4g} {unit}^2",
         "process_variance": f"Q {model.process_variance:.3g} {unit}^2/{time}^2",
         "drift_variance": f"drift {model.drift_variance:.3g} {unit}^2 a tick",
+        "velocity_variance": f"velocities to {np.sqrt(model.velocity_variance):.3g} {unit}/{time}",
         "duration": f"mean duration {model.duration:.3g} ticks",
         "modes": f"modes {', '.join(tracked.mode_names())}",
     }
-    if not model.drift_variance:
-        del values["drift_variance"]
+    for name in ("drift_variance", "velocity_variance"):
+        if not getattr(model, name):
+            del values[name]
     if not model.modes:
         del values["modes"]
     elif not model.radii:

@@ -200,6 +200,7 @@ class TrackedRecording:
             "measurement_variance": float(model.measurement_variance),
             "process_variance": float(model.process_variance),
             "drift_variance": float(model.drift_variance),
+            "velocity_variance": float(model.velocity_variance),
             "radii": [float(radius) for radius in model.radii],
             "modes": [mode.as_json() for mode in model.modes],
             "duration": float(model.duration),
@@ -447,9 +448,9 @@ def track_recording(
 
     Args:
         times: (n,) increasing times of the rows; None for rows at uniform ticks.
-        positions: (n, 2) measured x and y in any unit, NaN without a measurement; with a radar its
-            range, bearing, counter-clockwise from the x axis [rad], and by option range rate, (n,
-            2) or (n, 3).
+        positions: (n, 2) measured x and y in any unit, or (n, 4) also vx and vy, NaN without a
+            measurement; with a radar its range, bearing, counter-clockwise from the x axis [rad],
+            and by option range rate, (n, 2) or (n, 3).
         radar: that measured, in the same units.
         options: see `TrackingArguments`; the defaults are those of the command.
 
@@ -459,13 +460,15 @@ def track_recording(
     arguments = of_keywords(TrackingArguments, options)
     check_fields(arguments)
     if radar is None:
-        return arguments.track(make_recording(times, positions))
+        values = check_array("positions", positions, (None, None), missing=True)
+        if values.shape[1] not in (2, 4):
+            raise reject("positions shape", values.shape, "(n, 2), or (n, 4) with velocities")
+        return arguments.track(make_recording(times, values[:, :2], rates=values[:, 2:]))
     values = check_array("positions", positions, (None, radar.values), missing=True)
     if (values[:, 0] < 0.0).any():
         raise reject("positions", float(np.nanmin(values[:, 0])), "ranges >= 0")
     located = [radar.located(row)[:2] for row in values]
-    rates = values[:, 2] if radar.values == 3 else None
-    return arguments.track(make_recording(times, located, radar=radar, rates=rates))
+    return arguments.track(make_recording(times, located, radar=radar, rates=values[:, 2:]))
 
 
 def unlikely_rows(decisions: RowDecisions) -> int:

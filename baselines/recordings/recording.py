@@ -55,7 +55,8 @@ class Recording:
     projection: "Projection | None" = None
     # Whose ranges and bearings `positions` are converted from.
     radar: Radar | None = None
-    # (n,) its range rates, NaN without one.
+    # (n, k) its range rate, or without a radar velocities vx, vy [`unit` / `time_unit`], NaN where
+    # none is measured.
     rates: FloatArray | None = None
     # Longest time between two measurements of a piece [`time_unit`]
     gap: float = math.inf

@@ -43,6 +43,7 @@ class TrackerSettings(Checked):
     measurement_variance: Found
     process_variance: FoundOrZero
     drift_variance: FoundOrZero
+    velocity_variance: FoundOrZero
     radii: tuple[Found, ...]
     # [ticks]
     duration: PositiveOrZero
@@ -77,6 +78,7 @@ class TrackerSettings(Checked):
             self.tick,
             modes=self.modes,
             drift_variance=self.drift_variance,
+            velocity_variance=self.velocity_variance,
         )
 
     @property

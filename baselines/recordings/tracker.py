@@ -263,24 +263,28 @@ class OnlineTracker(OwnState):
         self,
         measurement: ArrayLike | dict[int, ArrayLike] | Fused | None,
         time: float | datetime | np.datetime64 | str | None = None,
+        velocity: ArrayLike | None = None,
     ) -> OnlineEstimate:
         """Process a measurement, and return what is known after it.
 
         Args:
             measurement: (2,) position of variance R, in the units of the sensor, or latitude and
                 longitude [deg] with a projection; or what the sensors of the options measured, as a
-                mapping from their place in the list: (x, y), (range, bearing) or (range, bearing,
-                range rate), bearings in radians; None or NaN if there is none.
+                mapping from their place in the list: (x, y), (x, y, vx, vy), (range, bearing) or
+                (range, bearing, range rate), bearings in radians; None or NaN if there is none.
             time: of the measurement in the unit of `tau`, or a date, also as text in the form of
                 ISO 8601; None is one tick after the last one. A measurement whose time is NaN is
                 dropped.
+            velocity: (2,) that was measured with the position, as from speed and course over
+                ground, in the units of `OnlineEstimate.estimate`; None or NaN if there is none. The
+                options need one `Sensor` with a `velocity_variance`.
 
         Raises:
-            ArgumentError: measurement or time have another form, or the measurement is missing and
-                the decider cannot do without it.
+            ArgumentError: measurement, velocity or time have another form, or the measurement is
+                missing and the decider cannot do without it.
         """
         moment = self.time + self.tau if time is None else number_of(time)
-        point = self.units.measured(measurement, moment)
+        point = self.units.measured(measurement, moment, velocity)
         if time is None:
             self.time = moment
             self.state.clock.tick()

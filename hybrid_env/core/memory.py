@@ -84,14 +84,16 @@ SENSOR = np.dtype(
         # [rad], 0 is a position sensor; [m/s].
         ("bearing_deviation", np.float64),
         ("rate_deviation", np.float64),
-        # Of the range rate in `MEASURED`, -1 without one; [ticks].
+        # First row of `rates` in `MEASURED`, and number of them: 1 is a range rate, 2 a velocity.
         ("rate_row", np.int64),
+        ("rates", np.int64),
+        # [ticks]
         ("period", np.int64),
     ]
 )
 """A sensor; see `hybrid_env.sensors`."""
 
-# Radars of a list that measure the range rate.
+# Range rates and coordinates of velocities that the sensors of a list measure.
 MOST_RATES = 4
 
 MEASURED_FIELDS = {
@@ -99,7 +101,7 @@ MEASURED_FIELDS = {
     "measurement": (float, 2),
     # Covariance xx, xy, yy of the fused measurement over R.
     "noise": (float, 3),
-    # Range rates of the sensors with one [m/s], NaN if not measured.
+    # Range rates and velocities of the sensors that measure them [m/s], NaN if not measured.
     "rates": (float, MOST_RATES),
 }
 # What the sensors measure in a tick.
@@ -201,6 +203,8 @@ MOTION = np.dtype(
         ("own_noise", np.bool_),
         # Else it is straight motion or a turn of a radius.
         ("linear", np.bool_),
+        # Whether the object has no velocity: that in the state is the one with which it moves on.
+        ("stands", np.bool_),
     ],
     align=True,
 )

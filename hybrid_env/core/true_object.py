@@ -170,13 +170,15 @@ def _sense(
         measures = measures and not (setting.missed > 0.0 and noise[LOST, lane] < setting.missed)
         noise_x = noise[2, lane]
         noise_y = noise[3, lane]
-        if sensor.rate_row >= 0:
+        if sensor.rates > 0:
             draw_noise(block.random_state, noise, first, last, setting)
-            rate = (
-                range_rate(x, y, truth[1, lane], truth[3, lane])
-                + sensor.rate_deviation * noise[2, lane]
-            )
-            block.rates[sensor.rate_row, lane] = rate if measures else np.nan
+            u, v = truth[1, lane], truth[3, lane]
+            if motions is not None and motions[block.true_mode[lane]].stands:
+                u, v = 0.0, 0.0
+            for axis in range(sensor.rates):
+                rate = range_rate(x, y, u, v) if sensor.rates == 1 else (v if axis else u)
+                rate += sensor.rate_deviation * noise[2 + axis, lane]
+                block.rates[sensor.rate_row + axis, lane] = rate if measures else np.nan
         if not measures:
             continue
         if sensor.bearing_deviation > 0.0:

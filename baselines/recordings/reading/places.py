@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 
 from baselines.recordings.reading import cleaning
+from baselines.recordings.reading.columns import MOTIONS
 from baselines.recordings.reading.frames import frame_of, of_zones, turned
 from baselines.recordings.reading.names import DEGREES, VOID, role_of, split_unit
 from baselines.recordings.reading.table import Table
@@ -37,8 +38,10 @@ class Places(NamedTuple):
     degrees: bool = False
     # That measured them.
     radar: Radar | None = None
-    # (n,) its range rates.
-    rates: FloatArray | None = None
+    # (n, k) its range rate, or of other positions the columns of a velocity.
+    rates: FloatArray = np.empty((0, 0))
+    # Whether these are speed and course.
+    polar: bool = False
 
 
 def check_readable(table: Table, column: int, wrong: BoolArray, allowed: str) -> None:
@@ -85,7 +88,11 @@ def read_positions(
     values[wrong] = np.nan
     wrong |= cleaning.fill_values(values)
     values[wrong] = np.nan
-    return Places(values, wrong, _void_rows(table), "m" if degrees else unit, degrees)
+    motion = next((pair for pair in MOTIONS if roles.keys() >= {*pair}), ())
+    columns = [parse_numbers(table.frame[roles[role]], thousands)[0] for role in motion]
+    rates = np.reshape(columns, (len(columns), len(values))).T
+    unit, polar = "m" if degrees else unit, motion[:1] == ("speed",)
+    return Places(values, wrong, _void_rows(table), unit, degrees, rates=rates, polar=polar)
 
 
 def _degrees(
@@ -182,7 +189,8 @@ def read_polar(
     if radar is None:
         radar = _found_radar(table, times.seconds, rows, rows_of, length or "units")
     positions = np.array([radar.located(row)[:2] for row in rows])
-    return Places(positions, wrong, _void_rows(table), length, False, radar, *rates)
+    speeds = np.reshape(rates, (len(rates), len(rows))).T
+    return Places(positions, wrong, _void_rows(table), length, False, radar, speeds)
 
 
 def _found_radar(

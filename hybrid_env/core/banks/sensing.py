@@ -1,8 +1,8 @@
-"""The correction of a filter by what the sensors measure: a position with any covariance, and range
-rates. It is corrected by the coordinates along the principal axes of the position's covariance,
-whose errors are independent, and then by one range rate after the other, linearised at the estimate
-corrected so far. The likelihood may be a robust one. A filter has any number of states, see
-`filter`.
+"""The correction of a filter by what the sensors measure: a position with any covariance,
+velocities and range rates. It is corrected by the coordinates along the principal axes of the
+position's covariance, whose errors are independent, and then by one coordinate of a velocity or
+range rate after the other; range rates are linearised at the estimate corrected so far. The
+likelihood may be a robust one. A filter has any number of states, see `filter`.
 """
 
 import math
@@ -29,7 +29,8 @@ from hybrid_env.core.vectors import Vector, combination, minus_square, rows_of, 
 @internal
 def write_measured(block: Any, lane: int, measured: FloatArray) -> None:
     """Write what is measured to a lane of a record with the fields of `memory.MEASURED`. measured:
-    (2,) position of variance R, or (9,) with covariance xx, xy, yy over R and range rates.
+    (2,) position of variance R, or (9,) with covariance xx, xy, yy over R, range rates and
+    velocities.
     """
     block.measurement[0, lane], block.measurement[1, lane] = measured[0], measured[1]
     for k in range(3):
@@ -84,10 +85,19 @@ def correct_scalar(
 
 
 @inlined
-def _rate_model(state: Vector, p: Vector, rate: float, sensor: Any) -> tuple[State, float, float]:
-    """Return the derivatives of a range rate by [x, vx, y, vy], its innovation, and its variance.
-    Near the radar the bearing is uncertain: what this adds in second order adds to the variance.
+def _rate_model(
+    state: Vector, p: Vector, rate: float, sensor: Any, axis: int, stands: bool
+) -> tuple[State, float, float]:
+    """Return the derivatives of a range rate, or of a coordinate of the velocity, by [x, vx, y,
+    vy], its innovation, and its variance. Near the radar the bearing is uncertain: what this adds
+    in second order adds to the variance. A mode that stands predicts 0, whatever its state.
     """
+    variance = sensor.rate_deviation * sensor.rate_deviation
+    if stands:
+        return (0.0, 0.0, 0.0, 0.0), rate, variance
+    if sensor.rates == 2:
+        h = (0.0, 1.0, 0.0, 0.0) if axis == 0 else (0.0, 0.0, 0.0, 1.0)
+        return h, rate - (state[1] if axis == 0 else state[3]), variance
     x, u, y, v = state[0] - sensor.x, state[1], state[2] - sensor.y, state[3]
     distance = max(math.hypot(x, y), 1e-150)
     along_x = x / distance
@@ -102,16 +112,22 @@ def _rate_model(state: Vector, p: Vector, rate: float, sensor: Any) -> tuple[Sta
     angle = min(max(across, 0.0) / (distance * distance), 1e6)
     added = angle * (0.5 * angle * (u * u + v * v) + max(by_u[1], 0.0) + max(by_v[3], 0.0))
     h = (u - along_x * expected) / distance, along_x, (v - along_y * expected) / distance, along_y
-    return h, rate - expected, sensor.rate_deviation * sensor.rate_deviation + added
+    return h, rate - expected, variance + added
 
 
 @internal
 def correct_by_sensors(
-    before: Filter, moved: Filter, measured: Any, lane: int, sensors: Records, model: Any
+    before: Filter,
+    moved: Filter,
+    motion: Any,
+    measured: Any,
+    lane: int,
+    sensors: Records,
+    model: Any,
 ) -> Corrected:
-    """Return a filter corrected by all that is measured in a tick: a position, and range rates of
-    the sensors, or by nothing; as `filter.correct`. measured: a record with the fields of
-    `memory.MEASURED`.
+    """Return a filter corrected by all that is measured in a tick: a position, velocities and range
+    rates of the sensors, or by nothing; as `filter.correct`. measured: a record with the fields of
+    `memory.MEASURED`; motion: a record `MOTION` of the mode; None is a turn.
 
     With a freedom > 0 innovations have a Student t distribution whose scale matrix is the
     innovation variance. All corrections of a tick have the weight (freedom + k) / (freedom + d^2),
@@ -130,6 +146,7 @@ def correct_by_sensors(
         model.variance_y * measured.noise[2, lane],
     )
     after, q = moved
+    stands = motion is not None and motion.stands
     valid = True
     white_first = 0.0
     white_second = 0.0
@@ -137,7 +154,7 @@ def correct_by_sensors(
     log_rates = 0.0
     distance = 0.0
     count = 0.0
-    for k in range(-2, sensors.size):
+    for k in range(-2, 2 * sensors.size):
         if k < 0:
             h_x, h_y, variance = (cosine, sine, first) if k == -2 else (-sine, cosine, second)
             h = h_x, 0.0, h_y, 0.0
@@ -145,10 +162,12 @@ def correct_by_sensors(
             y = measured.measurement[1, lane] - after[2]
             innovation = h_x * x + h_y * y
         else:
-            row = sensors[k].rate_row
-            if row < 0 or math.isnan(measured.rates[row, lane]):
+            sensor, axis = sensors[k // 2], k % 2
+            row = sensor.rate_row + axis
+            if axis >= sensor.rates or math.isnan(measured.rates[row, lane]):
                 continue
-            h, innovation, variance = _rate_model(after, q, measured.rates[row, lane], sensors[k])
+            rate = measured.rates[row, lane]
+            h, innovation, variance = _rate_model(after, q, rate, sensor, axis, stands)
         after, q, (white, log_sigma, fits) = correct_scalar(after, q, h, innovation, variance)
         valid &= fits
         distance += white * white

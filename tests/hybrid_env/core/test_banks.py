@@ -40,10 +40,13 @@ DOPPLER = (
     ),
     Radar(range_deviation=0.2, bearing_deviation=0.03, rate_deviation=0.1, position=(20.0, 3.0)),
 )
+# A velocity, and a range rate after it.
+VELOCITIES = (Sensor(variance=0.4, velocity_variance=0.01), DOPPLER[3])
 MEASURED = {
     "unequal": UNEQUAL,
     "sensors": {"sensors": SENSORS, "missed": 0.4, "noise": "levy 1.5 0.5 44"},
     "range rates": {"sensors": DOPPLER, "missed": 0.3},
+    "velocities": {"sensors": VELOCITIES, "missed": 0.3},
 }
 HEAVY = {"noise": "levy 1.2"}
 ROBUST = {
