@@ -195,6 +195,9 @@ class Track(TrackingArguments, TrustArguments):
         rows = tracked.row_table()
         rows["object"] = [name] * len(rows["object"])
         write_table(folder / ROW_FILES[self.parquet], rows)
+        if tracked.vertical is not None:
+            climbs = pd.DataFrame(tracked.climb_table() | {"object": name})
+            climbs.to_csv(folder / "climbs.csv", index=False, na_rep="nan", lineterminator="\n")
         write_json(folder / "track.json", tracked.settings())
         if self.png:
             # Matplotlib; other commands start faster.
@@ -319,6 +322,14 @@ def report_lines(tracked: TrackedRecording) -> list[str]:
         vx, vy = tracked.wind
         drifts = f"circles drift by ({vx:.3g}, {vy:.3g}) {unit}/{time}, as in a wind or a current:"
         remarks[f"{drifts} radii and speeds are those without it"] = True
+    if tracked.vertical is not None:
+        words, rates = tracked.vertical.words(), tracked.vertical.of_pieces[:, 0]
+        counts = ", ".join(
+            f"{counted(words.count(word), word)} at {np.median(rates[np.array(words) == word]):.3g}"
+            for word in ("climb", "descend", "level")
+            if word in words
+        )
+        remarks[f"altitude: {counts} {unit}/{time}"] = bool(words)
     lines = ["; ".join(parts), *(text for text, true in remarks.items() if true)]
     return [*lines, *map("warning: {}".format, tracked.warnings)]
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from agents.evaluation.registry import ErrorArguments, load_decider, needed_options, parse_name
+from baselines.recordings.altitude import VerticalMotion, vertical_motion
 from baselines.recordings.decisions import RowDecisions, decide_piece, smooth_piece
 from baselines.recordings.imm_pass import TrackModel
 from baselines.recordings.model_fit import check_consistency, check_radii, fit_model, with_stop
@@ -69,6 +70,7 @@ class TrackedRecording:
         pieces: (K, 4) first row, end, mode and row of the decision of each piece, counted from 0;
             -1 for a piece without a decision, and with hindsight.
         moments: (K, 2) times that hold the begin of each piece with a probability of .95; NaN live.
+        vertical: climbs and descents, from all rows; None live and without altitudes.
         grid: its uniform ticks.
         outliers: number of measurements that were not used, because they are far from their
             neighbours.
@@ -93,6 +95,7 @@ class TrackedRecording:
     residuals: FloatArray
     pieces: IntArray
     moments: FloatArray
+    vertical: VerticalMotion | None
     grid: TickGrid
     outliers: int
     standing: int
@@ -143,11 +146,35 @@ class TrackedRecording:
                 f"{name}_time": _unless(rows < 0, recording.time_cells[rows])
                 for name, rows in moments.items()
             }
+        if self.vertical is not None:
+            heights, times = self.vertical.altitudes, recording.times
+            with np.errstate(invalid="ignore", divide="ignore"):
+                rates = (heights[end - 1] - heights[first]) / (times[end - 1] - times[first])
+            table["climb_rate"] = rates
         for name in ("begin", "end"):
             positions = self.estimates[moments[name], ::2]
             table |= {f"{name}_{axis}": positions[:, k] for k, axis in enumerate("xy")}
             table |= self._degrees(f"{name}_", positions)
         return table
+
+    def climb_table(self) -> dict[str, Any]:
+        """Return the columns of climbs.csv, of recordings with altitudes."""
+        assert self.vertical is not None
+        recording, vertical = self.recording, self.vertical
+        first, end = vertical.pieces.T
+        return {
+            **self._named(len(first)),
+            "piece": np.arange(1, len(first) + 1),
+            "first_row": first + 1,
+            "last_row": end,
+            "begin": recording.times[first],
+            "end": recording.times[end - 1],
+            "motion": vertical.words(),
+            "climb_rate": vertical.of_pieces[:, 0],
+            "climb_rate_deviation": vertical.of_pieces[:, 1],
+            "begin_altitude": vertical.altitudes[first],
+            "end_altitude": vertical.altitudes[end - 1],
+        }
 
     def row_table(self) -> dict[str, Any]:
         """Return the columns of estimates.csv, nan where there is no number."""
@@ -158,6 +185,11 @@ class TrackedRecording:
         # The column `radius` is that of the mode.
         turns = ("speed", "speed_deviation", "radius_estimate", "radius_deviation")
         file = {"line": recording.lines, "time": recording.time_cells}
+        heights: dict[str, Any] = {}
+        if self.vertical is not None:
+            names = ("altitude", "estimate_altitude", "climb_rate", "climb_rate_deviation")
+            columns = (recording.altitudes, *self.vertical[:3])
+            heights = dict(zip(names, columns, strict=True))
         return {
             **self._named(len(recording.times)),
             **{name: cells for name, cells in file.items() if cells is not None},
@@ -174,6 +206,7 @@ class TrackedRecording:
             **{f"estimate_{name}": self.estimates[:, k] for k, name in enumerate(state)},
             **self._degrees("estimate_", self.estimates[:, ::2]),
             **dict(zip(turns, self.turns.T, strict=True)),
+            **heights,
             **{f"cov_{state[i]}_{state[j]}": self.covariances[:, i, j] for i, j in triangle},
             **{f"residual_{axis}": self.residuals[:, k] for k, axis in enumerate("xy")},
         }
@@ -338,8 +371,12 @@ class TrackingArguments(ErrorArguments):
                 f"the stated mode is improbable for long, in {unlikely} rows: the threshold of"
                 " the decider may be too high for another one to be stated"
             )
+        vertical = None
+        if recording.altitudes is not None and not self.live:
+            vertical = vertical_motion(recording.times, recording.altitudes, recording.pieces)
         return TrackedRecording(
             recording=recording,
+            vertical=vertical,
             model=found.model,
             wind=found.tracker.units.origin[1::2],
             decider=self._named(found.tracker.decider),

@@ -77,9 +77,8 @@ def read_table(path: str | os.PathLike[str]) -> Table:
     log = parse_igc(file, content)
     # A for a position in three dimensions, V for none or one in two.
     valid = [record[24:25].decode() for record in log.records]
-    frame = pd.DataFrame(
-        {"time": log.times, "lat": log.latitudes, "lon": log.longitudes, "valid": valid}
-    )
+    places = {"lat": log.latitudes, "lon": log.longitudes, "altitude_m": log.altitudes}
+    frame = pd.DataFrame({"time": log.times, **places, "valid": valid})
     return Table(file, _numbered(frame), notes=[*log.notes])
 
 

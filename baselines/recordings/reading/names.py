@@ -38,7 +38,12 @@ ROLES = {
         " position_north x_north y_north north_y"
     ),
     # Of earth-centred, earth-fixed positions; otherwise the altitude.
-    "z": "z pos_z z_pos posz position_z z_position pz ecef_z z_ecef z_ned ned_z",
+    "z": (
+        "z pos_z z_pos posz position_z z_position pz ecef_z z_ecef z_ned ned_z alt altitude"
+        " altitudes ele elevation height altitude_meters geoaltitude geo_altitude baroaltitude"
+        " baro_altitude alt_geom alt_baro gps_altitude gps_alt altitude_msl amsl msl flight_level"
+        " fl höhe hoehe altura altitud hauteur quota hoogte wysokosc высота 高度 海拔"
+    ),
     # Latitude and longitude in one cell.
     "position": (
         "position positions pos coordinate coordinates coords location latlon latlng lat_lon"
@@ -75,7 +80,7 @@ ROLES = {
         " speed_knots speed_kn speed_ms gps_speed enhanced_speed speedoverground gnd_spd speed_2d"
     ),
     "course": (
-        "course cog course_over_ground track true_track track_angle ground_track direction"
+        "course cog course_over_ground track true_track track_angle ground_track direction angle"
         " gps_course courseoverground track_deg cog_deg"
     ),
     # Where the object points to; used where nothing says where it goes.

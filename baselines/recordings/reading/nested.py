@@ -28,7 +28,7 @@ def rows_of_xml(text: str, file: str) -> pd.DataFrame:
     outer: dict[str, Any] = {"segment": 0}
     tracks = 0
     # Roles of what stands inside of them.
-    wanted = "time", "lat", "lon", "valid", "dilution"
+    wanted = "time", "lat", "lon", "z", "speed", "course", "valid", "dilution"
     for element in root.iter():
         kind = _plain(element.tag)
         if kind in ("trk", "Placemark"):
@@ -62,7 +62,7 @@ def _placed(track: ElementTree.Element) -> list[dict[str, str | None]]:
     times = [time.text for time in track.iterfind("{*}when")]
     places = [(place.text or "").split() for place in track.iterfind("{*}coord")]
     return [
-        {"time": time, "lon": place[0], "lat": place[1]}
+        {"time": time} | dict(zip(("lon", "lat", "altitude"), place, strict=False))
         for time, place in zip(times, places, strict=False)
         if len(place) > 1
     ]
@@ -101,10 +101,11 @@ def _rows(feature: dict[str, Any], name: str) -> list[dict[str, Any]]:
         return [feature]
     properties, places = feature["properties"], geometry["coordinates"]
     if geometry["type"] == "Point":
-        return [properties | {"lon": places[0], "lat": places[1]}]
+        return [properties | dict(zip(("lon", "lat", "altitude"), places, strict=False))]
     times = properties.get("coordTimes") or properties["coordinateProperties"]["times"]
     return [
-        {"time": time, "lon": place[0], "lat": place[1], "track_id": properties.get("name", name)}
+        {"time": time, "track_id": properties.get("name", name)}
+        | dict(zip(("lon", "lat", "altitude"), place, strict=False))
         for place, time in zip(places, times, strict=True)
     ]
 

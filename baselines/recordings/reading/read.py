@@ -110,6 +110,7 @@ def read_recordings(
             "time": times.seconds,
             "x": places.values[:, 0],
             "y": places.values[:, 1],
+            "altitude": places.altitudes,
             "wrong": places.wrong,
             "void": places.void,
             "cell": times.cells,
@@ -292,9 +293,14 @@ def _recording(
         rates, note = find_velocities(times_of_rows, positions, rates, places.polar, places.unit)
         table.notes.append(note)
         rates = rates if np.isfinite(rates).any() else rates[:, :0]
+    altitudes = rows.altitude.to_numpy()
+    different = len(np.unique(altitudes[np.isfinite(altitudes)]))
+    if different == 1:
+        table.notes.append("all altitudes are the same and say nothing")
     return make_recording(
         times_of_rows,
         positions,
+        altitudes=altitudes if different > 1 else None,
         name=name,
         gap=gap,
         # Reception was lost, or the logger was switched off.
