@@ -37,6 +37,11 @@ class SensorUnits:
         """Whether both are the same."""
         return bool((self.scales == 1.0).all() and not self.origin.any())
 
+    @cached_property
+    def moves(self) -> bool:
+        """Whether the origin of the options moves."""
+        return bool(self.origin[1::2].any())
+
     @property
     def second(self) -> float:
         """Unit of time of the options in that of the measurements."""
@@ -103,6 +108,17 @@ class SensorUnits:
         """Return range rates (..., 1) or velocities (..., 2) in the units of the options."""
         velocity = self.origin[1::2] if values.shape[-1] == 2 else 0.0
         return np.asarray(self.scales[1] * (values - velocity))
+
+    def at_time(
+        self, position: tuple[float, float], time: float, now: float
+    ) -> tuple[float, float]:
+        """Return a position in the units of the options at a time as it is at another one, when
+        their origin has moved on.
+        """
+        if not self.moves:
+            return position
+        dx, dy = ((time - now) * self.scales[::2] * self.origin[1::2]).tolist()
+        return position[0] + dx, position[1] + dy
 
     def start(self, estimate: FloatArray, covariance: FloatArray, time: float) -> Moments:
         """Return an estimate (4,) at a time and its covariance (4, 4) in the units of the

@@ -43,7 +43,6 @@ class TrackerSettings(Checked):
     measurement_variance: Found
     process_variance: FoundOrZero
     drift_variance: FoundOrZero
-    velocity_variance: FoundOrZero
     radii: tuple[Found, ...]
     # [ticks]
     duration: PositiveOrZero
@@ -57,9 +56,11 @@ class TrackerSettings(Checked):
     known_switches: bool
     projection: Projection | None
     radar: Radar | None
-    # Velocity of the medium.
-    wind: tuple[float, float]
     modes: Annotated[tuple[Mode, ...], _modes]
+    # Velocity of the medium.
+    wind: tuple[float, float] = (0.0, 0.0)
+    # Of measured velocities; 0 without them.
+    velocity_variance: FoundOrZero = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -127,6 +128,7 @@ def read_settings(recording: Any) -> TrackerSettings:
 
 def _settings(values: Any) -> TrackerSettings:
     try:
-        return TrackerSettings(**{name: values[name] for name in declared_fields(TrackerSettings)})
-    except (KeyError, TypeError) as error:
-        raise ArgumentError(f"no track.json of hybridtrack track: {error!r}") from None
+        known = values.keys() & declared_fields(TrackerSettings)
+        return TrackerSettings(**{name: values[name] for name in known})
+    except (AttributeError, TypeError) as error:
+        raise ArgumentError(f"no track.json of hybridtrack track: {error}") from None

@@ -342,7 +342,8 @@ class OnlineTracker(OwnState):
         self._behind += 1
         if self._behind == 1:
             moments = self.track.estimate(), self.track.covariance()
-            goes_on = not self.begun or self._agrees(point, *moments)
+            place = self.units.at_time(point.position, time, self.time)
+            goes_on = not self.begun or self._agrees(point._replace(position=place), *moments)
             self._set_back = goes_on or (point, time) == self._first
         if self._behind >= (self.patience if self._set_back else self.history):
             self.begin()
@@ -529,14 +530,20 @@ class OnlineTracker(OwnState):
         moved by more than rounding of the positions explains.
         """
         state = self.state
-        last, state.position = state.position, position
+        last, state.position = state.position, (position, self.time)
         if last is None:
             return False
-        steps = abs(position[0] - last[0]), abs(position[1] - last[1])
+        x, y = self.units.at_time(*last, self.time)
+        rounding = 0.0
+        if self.units.moves:
+            # Dates since 1970 make the origin large.
+            origin = self.units.scales * self.units.origin_at(self.time)
+            rounding = 1e-15 * float(np.abs(origin).max())
+        steps = abs(position[0] - x), abs(position[1] - y)
         for step in steps:
-            if 0.0 < step < state.digit:
+            if rounding < step < state.digit:
                 state.digit = step
-        if any(steps):
+        if max(steps) > rounding:
             return False
         _, vx, _, vy = estimate.tolist()
         return math.hypot(vx, vy) * ticks * self.options.tau > 5.0 * state.digit
@@ -583,7 +590,7 @@ class OnlineTracker(OwnState):
         collected.add(*point.position, point.covariance, self._late)
         self._settle(self._at_tick(point, collected.estimate, collected.covariance))
         state.measured = True
-        state.position = point.position
+        state.position = point.position, self.time
         if state.announced_ticks is not None:
             state.announced_ticks = max(state.announced_ticks - 1, 1)
         return False
