@@ -299,6 +299,16 @@ class OnlineTracker(OwnState):
                 return self._known("missing")
             self.begin()
         self._behind = 0
+        if point is not None:
+            near = self.longest_step * self.tau
+            apart = last is None or not self.state.measured or moment - last > near
+            self._apart = self._apart + 1 if apart else 0
+            if self._apart == self.patience:
+                warnings.warn(
+                    f"the last {self.patience} measurements were more than {self.longest_step}"
+                    f" ticks apart: are their times in the unit of tau={self.tau:.4g}?",
+                    stacklevel=2,
+                )
         return self._at_time(point, moment)
 
     def _at_time(self, point: Fused | None, time: float) -> OnlineEstimate:
@@ -375,15 +385,6 @@ class OnlineTracker(OwnState):
         self._late = late / self.units.second
         missing = (ticks - (point is not None)) * state.measured
         status: Status = "used" if state.measured else "begun"
-        if point is not None:
-            apart = not state.measured or ticks > self.longest_step
-            self._apart = self._apart + 1 if apart else 0
-        if point is not None and self._apart == self.patience:
-            warnings.warn(
-                f"the last {self.patience} measurements were more than {self.longest_step} ticks"
-                f" apart: are their times in the unit of tau={self.tau:.4g}?",
-                stacklevel=3,
-            )
         if state.collected is not None:
             if not self._begins_after(state.collected, point, missing):
                 return self._known("missing" if point is None else status)
