@@ -51,7 +51,7 @@ class Track(TrackingArguments, TrustArguments):
     files: Annotated[
         tyro.conf.Positional[tuple[Path, ...]], shown_default("none, at least one is needed")
     ]
-    """CSV, TSV, Parquet, GPX, TCX, KML, GeoJSON, NMEA or IGC files, also compressed by gzip.
+    """CSV, TSV, Parquet, GPX, TCX, KML, GeoJSON, NMEA, AIS or IGC files, also compressed by gzip.
     Header, delimiter, decimal comma and index are found; columns are known by names such as time,
     timestamp, t, x, y, easting, lat, lon.
     """

@@ -19,11 +19,17 @@ import pyarrow.parquet
 
 from baselines.recordings.reading.igc import is_igc, parse_igc
 from baselines.recordings.reading.names import role_of
-from baselines.recordings.reading.nested import POINTS, rows_of_json, rows_of_nmea, rows_of_xml
+from baselines.recordings.reading.nested import (
+    POINTS,
+    rows_of_ais,
+    rows_of_json,
+    rows_of_nmea,
+    rows_of_xml,
+)
 from baselines.recordings.reading.table import Table
 from hybrid_env.checks import ArgumentError, reject
 
-KINDS = "a CSV, TSV, Parquet, GPX, TCX, KML, GeoJSON, NMEA or IGC file"
+KINDS = "a CSV, TSV, Parquet, GPX, TCX, KML, GeoJSON, NMEA, AIS or IGC file"
 
 
 @dataclass(frozen=True)
@@ -174,10 +180,14 @@ def _read_text(content: bytes, file: str) -> Table:
         table = Table(file, cells, notes=notes)
         table.leave_out("sentences with a wrong checksum", wrong)
         return table
+    if head.str.contains(r"!..VD[MO],").any():
+        cells, wrong = rows_of_ais(filled, file)
+        table = Table(file, cells, notes=notes)
+        table.leave_out("sentences with a wrong checksum", wrong)
+        return table
     # Texts that are no tables, and what makes tables of them.
     unreadable = {
         "$GP": "NMEA without sentences RMC or GGA, which have times of positions",
-        "!AIVDM,": "AIS sentences have no dates: decode them to CSV, for example by pyais",
         "Type,Local Number,Message,": (
             "rows of fields of FitCSVTool: write a table by its options -b and --data record, and"
             " read the file that ends in _data.csv"
