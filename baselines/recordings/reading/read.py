@@ -265,9 +265,8 @@ def _recording(
     distance, jumps = cleaning.jumps_between_places(rows.dropna(subset=axes))
     rows = cleaning.rows_of_times(table, rows)
     measured = rows.dropna(subset=axes)
-    if places.unit is None and cleaning.look_like_degrees(
-        measured.time.to_numpy(), measured[axes].to_numpy()
-    ):
+    seen = measured.time.to_numpy(), measured[axes].to_numpy()
+    if places.unit is None and len(measured) > 1 and cleaning.look_like_degrees(*seen):
         raise ArgumentError(
             f"{table.file}: x and y of {name} look like degrees: --unit deg for longitude x and"
             " latitude y, or --unit m for a plane"

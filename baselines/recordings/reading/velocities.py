@@ -89,10 +89,10 @@ def _agreement(times: FloatArray, values: FloatArray) -> tuple[float, float]:
         if len(times) <= 2 * rows:
             break
         seen, said = _ways(times, values, rows)
-        squares = (said**2).sum()
-        if squares > 0.0:
-            factor = float((seen * said).sum() / squares)
-            error = float(np.sqrt(((seen - factor * said) ** 2).sum() / (seen**2).sum()))
+        of_said, of_seen = (said**2).sum(), (seen**2).sum()
+        if min(of_said, of_seen) > 0.0:
+            factor = float((seen * said).sum() / of_said)
+            error = float(np.sqrt(((seen - factor * said) ** 2).sum() / of_seen))
             best = min(best, (factor, error), key=lambda pair: pair[1])
     return best
 

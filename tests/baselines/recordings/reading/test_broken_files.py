@@ -116,6 +116,11 @@ def test_a_damaged_file_is_read_or_refused(read, kind, examples):
     attack(examples, damaged(KINDS[kind]), check)
 
 
+def test_a_single_row_of_its_own_time_is_refused(read):
+    with pytest.raises(ArgumentError, match=r"has 1 measured positions|more than half"):
+        read("t,x,y\n,z\n" + "".join(f"{k},4000000,{k},4960000\n" for k in range(9)))
+
+
 @pytest.mark.parametrize("text", ["[" * 20_000, "t,x" + " " * 9_000 + "[,y"])
 def test_long_names_of_columns_take_no_time(read, text):
     accepted(lambda: read(text + "\n" + ROWS))
