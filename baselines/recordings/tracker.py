@@ -205,8 +205,9 @@ class OnlineTracker(OwnState):
         """Begin a track, and forget the last one.
 
         Without an estimate a straight line is fitted to the first measurements, 3 with unknown and
-        up to 10 with announced switches. The bank begins after the last of them; until then the
-        estimate is that of the line, and all modes are equally probable.
+        up to 10 with announced switches; one with a velocity is enough. The bank begins after the
+        last of them; until then the estimate is that of the line, and all modes are equally
+        probable.
 
         Args:
             estimate: (4,) [x, vx, y, vy] one tick before the first measurement, in the units of
@@ -588,7 +589,7 @@ class OnlineTracker(OwnState):
             self.track.begin(collected.estimate, collected.covariance, state.mode)
             state.collected = None
             return True
-        collected.add(*point.position, point.covariance, self._late)
+        collected.add(*point.position, point.covariance, self._late, point.rates)
         self._settle(self._at_tick(point, collected.estimate, collected.covariance))
         state.measured = True
         state.position = point.position, self.time

@@ -56,9 +56,9 @@ def test_hindsight_reads_velocities_and_a_live_tracker_goes_on_with_them():
     assert np.median(errors) < 2.0 * SHARE * OBJECTS["ship"].speed
 
     live = OnlineTracker.from_recording(tracked)
-    for row in zip(positions, times, velocities, strict=True):
-        now = live.update(*row)
-    assert now.status == "used"
+    known = [live.update(*row) for row in zip(positions, times, velocities, strict=True)]
+    now = known[-1]
+    assert [each.status for each in known] == ["begun"] + ["used"] * (len(times) - 1)
     assert np.linalg.norm(now.estimate[1::2] - velocities[-1]) < 3.0 * SHARE * OBJECTS["ship"].speed
     blind = OnlineTracker.from_recording(track_recording(times, positions))
     with pytest.raises(ValueError, match="no single sensor"):
