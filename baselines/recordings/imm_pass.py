@@ -150,7 +150,7 @@ def run_pass(chunks: Chunks, track: "TrackModel") -> Pass:
     """
     if (chunks.sensors["rates"] == 2).any():
         sensors = chunks.sensors[: int(track.velocity_variance > 0.0)].copy()
-        sensors["rate_deviation"] = math.sqrt(track.velocity_variance)
+        sensors["deviations"] = math.sqrt(track.velocity_variance)
         chunks = chunks._replace(sensors=sensors)
     shape = chunks.measurements.shape[:2]
     modes = track.hypotheses

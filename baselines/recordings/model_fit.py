@@ -452,7 +452,8 @@ def _further(grid: TickGrid) -> list[str]:
         points = np.concatenate([piece.measurements for piece in grid.pieces])
         farthest = float(np.nanmax(np.hypot(*(points - grid.radar.position).T)))
         # Bend of an arc of the length of the bearing error, see `Radar`.
-        bend = farthest * grid.radar.bearing_deviation**2 / grid.radar.range_deviation
+        of_range, of_bearing = grid.radar.deviations
+        bend = farthest * of_bearing**2 / of_range
         if bend > 0.25:
             sentences.append(
                 "the bearing error is too large for the range deviation (range * deviation^2 is"

@@ -455,6 +455,12 @@ class OnlineTracker(OwnState):
         """Advance by one tick with a measurement, or without it if it is not used."""
         state = self.state
         before = self.track.estimate(), self.track.covariance()
+        if math.isnan(point.position[0]):
+            # A bearing or a range alone.
+            self.track.measure(point.position, point)
+            self._settle(point, before)
+            self._decide(self.track.counts)
+            return "used"
         stale = self._is_stale(point.position, before[0], ticks)
         state.repeats = (state.repeats + 1) * stale
         if stale and state.repeats <= self.patience:
@@ -589,6 +595,9 @@ class OnlineTracker(OwnState):
             self.track.begin(collected.estimate, collected.covariance, state.mode)
             state.collected = None
             return True
+        if math.isnan(point.position[0]):
+            collected.skip()
+            return False
         collected.add(*point.position, point.covariance, self._late, point.rates)
         self._settle(self._at_tick(point, collected.estimate, collected.covariance))
         state.measured = True

@@ -20,7 +20,7 @@ from hybrid_env.core.motion import (
     turn_centre,
 )
 from hybrid_env.core.noise import LOST, draw_noise, draw_normals, uniform
-from hybrid_env.core.polar import add_information, fused_position, range_rate, to_position
+from hybrid_env.core.polar import add_information, fused_position, measured_value, to_position
 from hybrid_env.core.vectors import Vector, combination, product
 
 SIGNED_RADIUS, MODE, LENGTH = range(len(SEGMENT_COLUMNS))
@@ -175,11 +175,11 @@ def _sense(
             u, v = truth[1, lane], truth[3, lane]
             if motions is not None and motions[block.true_mode[lane]].stands:
                 u, v = 0.0, 0.0
-            for axis in range(sensor.rates):
-                rate = range_rate(x, y, u, v) if sensor.rates == 1 else (v if axis else u)
-                rate += sensor.rate_deviation * noise[2 + axis, lane]
-                block.rates[sensor.rate_row + axis, lane] = rate if measures else np.nan
-        if not measures:
+            for k in range(sensor.rates):
+                value = measured_value(sensor.kinds[k], x, y, u, v)
+                value += sensor.deviations[k] * noise[2 + k, lane]
+                block.rates[sensor.rate_row + k, lane] = value if measures else np.nan
+        if not (measures and sensor.places):
             continue
         if sensor.bearing_deviation > 0.0:
             along_x, along_y = (x / distance, y / distance) if distance > 0.0 else (1.0, 0.0)

@@ -1,8 +1,8 @@
-"""The correction of a filter by what the sensors measure: a position with any covariance,
-velocities and range rates. It is corrected by the coordinates along the principal axes of the
-position's covariance, whose errors are independent, and then by one coordinate of a velocity or
-range rate after the other; range rates are linearised at the estimate corrected so far. The
-likelihood may be a robust one. A filter has any number of states, see `filter`.
+"""The correction of a filter by what the sensors measure: a position with any covariance, and
+velocities, range rates, ranges and bearings. It is corrected by the coordinates along the principal
+axes of the position's covariance, whose errors are independent, and then by one other number after
+the other, linearised at the estimate corrected so far. The likelihood may be a robust one. A filter
+has any number of states, see `filter`.
 """
 
 import math
@@ -22,7 +22,7 @@ from hybrid_env.core.banks.filter import (
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import log
 from hybrid_env.core.memory import MOST_RATES, FloatArray, Records, State
-from hybrid_env.core.polar import range_rate
+from hybrid_env.core.polar import BEARING, RANGE, VELOCITY_X, VELOCITY_Y, range_rate
 from hybrid_env.core.vectors import Vector, combination, minus_square, rows_of, widened
 
 
@@ -88,20 +88,30 @@ def correct_scalar(
 def _rate_model(
     state: Vector, p: Vector, rate: float, sensor: Any, axis: int, stands: bool
 ) -> tuple[State, float, float]:
-    """Return the derivatives of a range rate, or of a coordinate of the velocity, by [x, vx, y,
-    vy], its innovation, and its variance. Near the radar the bearing is uncertain: what this adds
-    in second order adds to the variance. A mode that stands predicts 0, whatever its state.
+    """Return the derivatives of what is measured beside a position by [x, vx, y, vy], its
+    innovation, and its variance. Near the radar the bearing is uncertain: what this adds to a range
+    rate in second order adds to the variance. A mode that stands predicts rates and velocities of
+    0, whatever its state.
     """
-    variance = sensor.rate_deviation * sensor.rate_deviation
-    if stands:
+    kind = sensor.kinds[axis]
+    variance = sensor.deviations[axis] * sensor.deviations[axis]
+    if stands and kind <= VELOCITY_Y:
         return (0.0, 0.0, 0.0, 0.0), rate, variance
-    if sensor.rates == 2:
-        h = (0.0, 1.0, 0.0, 0.0) if axis == 0 else (0.0, 0.0, 0.0, 1.0)
-        return h, rate - (state[1] if axis == 0 else state[3]), variance
+    if kind == VELOCITY_X:
+        return (0.0, 1.0, 0.0, 0.0), rate - state[1], variance
+    if kind == VELOCITY_Y:
+        return (0.0, 0.0, 0.0, 1.0), rate - state[3], variance
     x, u, y, v = state[0] - sensor.x, state[1], state[2] - sensor.y, state[3]
     distance = max(math.hypot(x, y), 1e-150)
     along_x = x / distance
     along_y = y / distance
+    if kind == RANGE:
+        return (along_x, 0.0, along_y, 0.0), rate - distance, variance
+    if kind == BEARING:
+        # Within half a circle.
+        turned = rate - math.atan2(y, x)
+        turned -= 2.0 * math.pi * math.floor(turned / (2.0 * math.pi) + 0.5)
+        return (-along_y / distance, 0.0, along_x / distance, 0.0), turned, variance
     expected = range_rate(x, y, u, v)
     by_x, by_u, by_y, by_v = rows_of(p)[:4]
     across = (
@@ -115,6 +125,16 @@ def _rate_model(
     return h, rate - expected, variance + added
 
 
+@inlined
+def _senses(measured: Any, lane: int, sensors: Records) -> bool:
+    """Return whether anything beside a position is measured."""
+    for k in range(sensors.size):
+        for row in range(sensors[k].rates):
+            if not math.isnan(measured.rates[sensors[k].rate_row + row, lane]):
+                return True
+    return False
+
+
 @internal
 def correct_by_sensors(
     before: Filter,
@@ -125,8 +145,8 @@ def correct_by_sensors(
     sensors: Records,
     model: Any,
 ) -> Corrected:
-    """Return a filter corrected by all that is measured in a tick: a position, velocities and range
-    rates of the sensors, or by nothing; as `filter.correct`. measured: a record with the fields of
+    """Return a filter corrected by all that is measured in a tick: a position, and other numbers of
+    the sensors, or by nothing; as `filter.correct`. measured: a record with the fields of
     `memory.MEASURED`; motion: a record `MOTION` of the mode; None is a turn.
 
     With a freedom > 0 innovations have a Student t distribution whose scale matrix is the
@@ -135,8 +155,10 @@ def correct_by_sensors(
     "Approximate inference in state-space models with heavy-tailed noise", with one iteration, and
     Lange, Little & Taylor 1989, eq. (4). The covariances stay those of the Kalman filter.
     """
-    if math.isnan(measured.measurement[0, lane]):
-        return uncorrected(before, moved, model)
+    placed = not math.isnan(measured.measurement[0, lane])
+    unseen = uncorrected(before, moved, model)
+    if not (placed or _senses(measured, lane, sensors)):
+        return unseen
     # With the rounding of lanes that are corrected at once.
     if sensors.size == 0 and model.freedom == 0.0:
         return correct(before, moved, measured.measurement, lane, model)
@@ -154,7 +176,7 @@ def correct_by_sensors(
     log_rates = 0.0
     distance = 0.0
     count = 0.0
-    for k in range(-2, 2 * sensors.size):
+    for k in range(-2 if placed else 0, 2 * sensors.size):
         if k < 0:
             h_x, h_y, variance = (cosine, sine, first) if k == -2 else (-sine, cosine, second)
             h = h_x, 0.0, h_y, 0.0
@@ -182,6 +204,8 @@ def correct_by_sensors(
             log_rates += 0.5 * (LOG_TWO_PI + log_sigma)
     if not valid:
         return before[0], before[1], (0.0, 0.0, 2.0 * math.log(LARGEST)), -DIVERGED
+    if not placed:
+        log_variance = unseen[2][2]
     likelihood = -0.5 * distance
     if model.freedom > 0.0:
         likelihood = -0.5 * (model.freedom + count) * log(1.0 + distance / model.freedom)
@@ -190,5 +214,5 @@ def correct_by_sensors(
         after = combination((1.0, w), (moved[0], change))
     white_x = cosine * white_first - sine * white_second
     white_y = sine * white_first + cosine * white_second
-    likelihood -= LOG_TWO_PI + log_variance + log_rates
+    likelihood -= (LOG_TWO_PI + log_variance if placed else 0.0) + log_rates
     return after, q, (white_x, white_y, log_variance), likelihood
