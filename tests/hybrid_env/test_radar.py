@@ -128,5 +128,5 @@ def test_two_cameras_alone_follow_an_object_that_turns():
     # A bearing at 30 m has an error of 6 cm.
     assert np.median(errors) < 0.08
     assert (np.array(modes)[70:105] == 1).all()
-    with pytest.raises(ValueError, match=r"range_deviation None .* bearing_deviation"):
+    with pytest.raises(ValueError, match=r"range_deviation=None .* bearing_deviation"):
         Radar(rate_deviation=1.0)
