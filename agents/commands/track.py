@@ -57,7 +57,7 @@ class Track(TrackingArguments, TrustArguments):
     """
     columns: tuple[str, ...] = ()
     """Columns that the header does not tell, by name or number: time=3 x=1 y=2, or time=date
-    lat=B lon=L.
+    lat=B lon=L; speed=none reads no such column.
     """
     object: str | None = None
     """Column that tells several objects apart; 'none' for a single one. By default columns such
@@ -220,6 +220,8 @@ class Track(TrackingArguments, TrustArguments):
         radar = None
         if self.radar is not None:
             (radar,) = parse_sensors([f"radar {self.radar}"], "radar")
+            if not radar.places:
+                raise reject("radar", self.radar, "standard deviations of range and bearing")
         return {
             "columns": columns_by_role(self.columns, ("t", *GIVEN_ROLES)),
             "object_column": self.object,

@@ -121,8 +121,6 @@ def make_recording(
     radar = further.get("radar")
     if radar is not None and (radar.period != 1 or math.isfinite(radar.range)):
         raise reject("radar", radar, "no period and no range: a recording holds what was measured")
-    if radar is not None and not radar.places:
-        raise reject("radar", radar, "one that measures range and bearing")
     values = check_array("positions", positions, (None, 2), missing=True)
     values[np.isnan(values).any(axis=1)] = np.nan
     rows = np.flatnonzero(~np.isnan(values[:, 0]))
