@@ -93,9 +93,9 @@ class LiveTracks(OwnState):
         if self.options.sensors and fused is not None:
             noise[:] = (1.0, 0.0, 1.0)
             rates[:] = np.nan
+            rates[: len(fused.rates)] = fused.rates
             if fused.covariance is not None:
                 noise[:] = np.array(fused.covariance) / self.options.variances[0]
-                rates[: len(fused.rates)] = fused.rates
         self.world.run(MEASURE)
 
     def measure_all(self, measurements: FloatArray) -> None:

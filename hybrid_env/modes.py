@@ -358,6 +358,7 @@ def motion_table(
         motion["signed_radius"] = mode.signed_radius
         motion["acceleration"] = mode.starting_acceleration
         motion["linear"] = not isinstance(mode, (Straight, Turn))
+        motion["stands"] = isinstance(mode, Stop)
         motion["F"][square] = F
         motion["B"][list(places)] = B
         if Q is None:

@@ -12,11 +12,15 @@ from hybrid_env.live import SQUARE
 FREEDOM = 4.0
 
 
-def correct(x, P, z, R, rates=(), freedom=0):
-    """Correct a filter by a position, and then by the range rates of radars, given as (range rate,
-    place of the radar, deviation), linearised at the state. The likelihood of the position is
-    normal, or Student's t with degrees of freedom. Return state, covariance and log-likelihood.
+def correct(x, P, z, R, rates=(), freedom=0, stands=False):
+    """Correct a filter by a position, if there is one, and then by velocities, given as (velocity,
+    None, deviation), and range rates of radars, (range rate, place of the radar, deviation), or
+    ranges and bearings with their name at the end, linearised at the state. The likelihood of the
+    position is normal, or Student's t with degrees of freedom. Of an object that stands velocities
+    and range rates are expected to be 0. Return state, covariance and log-likelihood.
     """
+    if z is None:
+        return correct_beside(x, P, rates, stands)
     H = np.zeros((2, len(x)))
     H[0, 0] = H[1, 2] = 1.0
     Sigma = H @ P @ H.T + R
@@ -29,7 +33,44 @@ def correct(x, P, z, R, rates=(), freedom=0):
         likelihood = stats.multivariate_t(shape=Sigma, df=freedom).logpdf(innovation)
     K = P @ H.T @ np.linalg.inv(Sigma)
     x, P = x + weight * K @ innovation, P - K @ H @ P
-    for rate, place, deviation in rates:
+    x, P, more = correct_beside(x, P, rates, stands)
+    return x, P, likelihood + more
+
+
+def correct_beside(x, P, rates, stands):
+    """Correct a filter by what is measured beside a position, as `correct`."""
+    likelihood = 0.0
+    for rate, place, deviation, *kind in rates:
+        if kind:
+
+            def polar(state, place=place, kind=kind[0], now=x):
+                away = state[[0, 2]] - place
+                # Complex steps have no arc tangent of two numbers.
+                along = (now[[0, 2]] - place) / np.hypot(*(now[[0, 2]] - place))
+                if kind == "range":
+                    return np.sqrt(away @ away)
+                turned = (along[0] * away[1] - along[1] * away[0]) / (along @ away)
+                return np.arctan2(along[1], along[0]) + np.arctan(turned)
+
+            H = jacobian(polar, x)
+            error = rate - polar(x)
+            error -= 2 * np.pi * np.round(error / (2 * np.pi)) * (kind[0] == "bearing")
+            sigma = H @ P @ H + deviation**2
+            K = P @ H / sigma
+            x, P = x + K * error, P - np.outer(K, H @ P)
+            likelihood += stats.norm.logpdf(error, scale=math.sqrt(sigma))
+            continue
+        if stands:
+            likelihood += stats.norm.logpdf(rate, scale=deviation).sum()
+            continue
+        if place is None:
+            H = np.eye(len(x))[[1, 3]]
+            Sigma = H @ P @ H.T + deviation**2 * np.eye(2)
+            error = rate - H @ x
+            K = P @ H.T @ np.linalg.inv(Sigma)
+            x, P = x + K @ error, P - K @ H @ P
+            likelihood += stats.multivariate_normal(cov=Sigma).logpdf(error)
+            continue
 
         def range_rate(state, place=place):
             from_radar = state[[0, 2]] - place
@@ -51,10 +92,11 @@ def correct(x, P, z, R, rates=(), freedom=0):
 class MatrixFilter:
     """A filter with the state x and its covariance P, whose subclass has `predicted`."""
 
-    # Range rates of radars in the next tick, see `correct`.
+    # Velocities, and range rates of radars in the next tick, see `correct`.
     rates = ()
     freedom = 0
     log_likelihood = 0.0
+    stands = False
 
     def step(self, z):
         """One tick; a measurement None only predicts."""
@@ -64,7 +106,9 @@ class MatrixFilter:
         self.innovation = np.full(2, np.nan) if z is None else z - self.x[[0, 2]]
         if z is not None:
             self.distance = self.innovation @ np.linalg.solve(self.Sigma, self.innovation)
-            self.x, self.P, more = correct(self.x, self.P, z, R, self.rates, self.freedom)
+        if z is not None or self.rates:
+            heavy = self.freedom, self.stands
+            self.x, self.P, more = correct(self.x, self.P, z, R, self.rates, *heavy)
             self.log_likelihood += more
 
 
@@ -214,7 +258,7 @@ class LiteralImm:
         self.log_likelihood = np.zeros(len(prior))
         for j, begun in enumerate(mixed):
             x, P = self.predicted(j, *begun)
-            if z is not None:
+            if z is not None or self.rates:
                 x, P, likelihood = correct(x, P, z, self.R, self.rates, self.freedom)
                 self.log_likelihood[j] = likelihood
             self.states[j], self.covariances[j] = x, P
@@ -243,15 +287,21 @@ def step_filters(filters, env, i, measurement):
     noise, rates = (env.world.field(name)[i] for name in ("noise", "rates"))
     variance = np.sqrt(np.broadcast_to(env.options.variances, 2))
     missing = np.isnan(measurement).any()
-    radars = [sensor for sensor in env.options.sensors if getattr(sensor, "rate_deviation", None)]
+    measured = []
+    for sensor in env.options.sensors:
+        seen, rates = rates[: sensor.rates], rates[sensor.rates :]
+        if sensor.rates == 2:
+            measured.append((seen, None, math.sqrt(sensor.velocity_variance)))
+        elif sensor.rates == 1 and sensor.places:
+            measured.append((seen[0], sensor.position, sensor.rate_deviation))
+        elif sensor.rates == 1:
+            kind = "bearing" if sensor.range_deviation is None else "range"
+            deviation = sensor.range_deviation or sensor.bearing_deviation
+            measured.append((seen[0], sensor.position, deviation, kind))
     for kalman in filters:
         ratio = np.eye(2) if missing else noise[[[0, 1], [1, 2]]]
         kalman.R = ratio * np.outer(variance, variance)
-        kalman.rates = [
-            (rate, radar.position, radar.rate_deviation)
-            for rate, radar in zip(rates, radars, strict=False)
-            if not np.isnan(rate)
-        ]
+        kalman.rates = [each for each in measured if not np.isnan(each[0]).any()]
         kalman.step(None if missing else measurement)
 
 

@@ -146,6 +146,7 @@ def filters_of_modes(env, i, matrices, freedom=0):
         turn = (mode.signed_radius, options.tau, options.process_variance, None)
         if given is not None:
             filters.append(LinearFilter(anchor, P, given, exact, freedom))
+            filters[-1].stands = isinstance(mode, Stop)
         elif exact:
             filters.append(MatrixKalmanFilter(anchor, P, *turn, freedom))
         else:

@@ -51,13 +51,13 @@ class Track(TrackingArguments, TrustArguments):
     files: Annotated[
         tyro.conf.Positional[tuple[Path, ...]], shown_default("none, at least one is needed")
     ]
-    """CSV, TSV, Parquet, GPX, TCX, KML, GeoJSON, NMEA or IGC files, also compressed by gzip.
+    """CSV, TSV, Parquet, GPX, TCX, KML, GeoJSON, NMEA, AIS or IGC files, also compressed by gzip.
     Header, delimiter, decimal comma and index are found; columns are known by names such as time,
     timestamp, t, x, y, easting, lat, lon.
     """
     columns: tuple[str, ...] = ()
     """Columns that the header does not tell, by name or number: time=3 x=1 y=2, or time=date
-    lat=B lon=L.
+    lat=B lon=L; speed=none reads no such column.
     """
     object: str | None = None
     """Column that tells several objects apart; 'none' for a single one. By default columns such
@@ -195,6 +195,9 @@ class Track(TrackingArguments, TrustArguments):
         rows = tracked.row_table()
         rows["object"] = [name] * len(rows["object"])
         write_table(folder / ROW_FILES[self.parquet], rows)
+        if tracked.vertical is not None:
+            climbs = pd.DataFrame(tracked.climb_table() | {"object": name})
+            climbs.to_csv(folder / "climbs.csv", index=False, na_rep="nan", lineterminator="\n")
         write_json(folder / "track.json", tracked.settings())
         if self.png:
             # Matplotlib; other commands start faster.
@@ -217,6 +220,8 @@ class Track(TrackingArguments, TrustArguments):
         radar = None
         if self.radar is not None:
             (radar,) = parse_sensors([f"radar {self.radar}"], "radar")
+            if not radar.places:
+                raise reject("radar", self.radar, "standard deviations of range and bearing")
         return {
             "columns": columns_by_role(self.columns, ("t", *GIVEN_ROLES)),
             "object_column": self.object,
@@ -282,11 +287,13 @@ def report_lines(tracked: TrackedRecording) -> list[str]:
         "measurement_variance": f"R {model.measurement_variance:.4g} {unit}^2",
         "process_variance": f"Q {model.process_variance:.3g} {unit}^2/{time}^2",
         "drift_variance": f"drift {model.drift_variance:.3g} {unit}^2 a tick",
+        "velocity_variance": f"velocities to {np.sqrt(model.velocity_variance):.3g} {unit}/{time}",
         "duration": f"mean duration {model.duration:.3g} ticks",
         "modes": f"modes {', '.join(tracked.mode_names())}",
     }
-    if not model.drift_variance:
-        del values["drift_variance"]
+    for name in ("drift_variance", "velocity_variance"):
+        if not getattr(model, name):
+            del values[name]
     if not model.modes:
         del values["modes"]
     elif not model.radii:
@@ -317,6 +324,14 @@ def report_lines(tracked: TrackedRecording) -> list[str]:
         vx, vy = tracked.wind
         drifts = f"circles drift by ({vx:.3g}, {vy:.3g}) {unit}/{time}, as in a wind or a current:"
         remarks[f"{drifts} radii and speeds are those without it"] = True
+    if tracked.vertical is not None:
+        words, rates = tracked.vertical.words(), tracked.vertical.of_pieces[:, 0]
+        counts = ", ".join(
+            f"{counted(words.count(word), word)} at {np.median(rates[np.array(words) == word]):.3g}"
+            for word in ("climb", "descend", "level")
+            if word in words
+        )
+        remarks[f"altitude: {counts} {unit}/{time}"] = bool(words)
     lines = ["; ".join(parts), *(text for text, true in remarks.items() if true)]
     return [*lines, *map("warning: {}".format, tracked.warnings)]
 

@@ -21,15 +21,16 @@ FORECAST_TICKS = 5, 10, 20
 
 
 def draw_recording(tracked: TrackedRecording) -> Figure:
-    """Draw the ground track with the decided pieces, and over time the probabilities and the
-    residuals.
+    """Draw the ground track with the decided pieces, and over time the probabilities, the residuals
+    and, where they were measured, altitudes.
     """
     points = tracked.recording.positions[tracked.recording.measured]
     width, height = np.maximum(np.ptp(points, axis=0), 1e-300)
     # [in]
-    heights = (7.0 * float(np.clip(height / width, 0.35, 0.8)), 1.2, 1.2)
-    figure = new_canvas((7.0, sum(heights) + 2.2))
-    ground, ribbon, residuals = figure.subplots(3, 1, height_ratios=heights)
+    strips = 2 if tracked.vertical is None else 3
+    heights = (7.0 * float(np.clip(height / width, 0.35, 0.8)), *[1.2] * strips)
+    figure = new_canvas((7.0, sum(heights) + 1.0 + 0.6 * strips))
+    ground, ribbon, residuals, *climbs = figure.subplots(1 + strips, 1, height_ratios=heights)
     residuals.sharex(ribbon)
     _draw_ground(ground, tracked)
     _draw_probabilities(ribbon, tracked)
@@ -37,7 +38,11 @@ def draw_recording(tracked: TrackedRecording) -> Figure:
     times = tracked.recording.times[tracked.modes >= 0]
     ribbon.set_xlim(times[0] - 0.5 * tracked.model.tau, times[-1] + 0.5 * tracked.model.tau)
     ribbon.tick_params(labelbottom=False)
-    residuals.set_xlabel(f"t [{tracked.recording.time_unit}]")
+    for axes in climbs:
+        residuals.tick_params(labelbottom=False)
+        axes.sharex(ribbon)
+        _draw_altitudes(axes, tracked)
+    [residuals, *climbs][-1].set_xlabel(f"t [{tracked.recording.time_unit}]")
     modes = [
         Line2D([], [], color=colour, linewidth=2.5, label=name)
         for colour, name in zip(mode_colours(tracked), mode_words(tracked), strict=True)
@@ -45,6 +50,19 @@ def draw_recording(tracked: TrackedRecording) -> Figure:
     marks = ground.get_legend_handles_labels()[0]
     figure.legend(handles=[*modes, *marks], loc="outside lower center", ncols=3, frameon=False)
     return figure
+
+
+def _draw_altitudes(axes: Any, tracked: TrackedRecording) -> None:
+    recording, vertical = tracked.recording, tracked.vertical
+    assert recording.altitudes is not None
+    assert vertical is not None
+    shown = thinned(np.flatnonzero(np.isfinite(recording.altitudes)))
+    axes.plot(recording.times[shown], recording.altitudes[shown], ".", color=GREY, markersize=2)
+    for first, end in vertical.pieces.tolist():
+        rows = [first, end - 1]
+        axes.plot(recording.times[rows], vertical.altitudes[rows], color="black", linewidth=1.2)
+    axes.set_ylabel(f"altitude [{recording.unit}]")
+    axes.set_title("Altitudes and the line of their climb rates", fontsize=10)
 
 
 def mode_words(tracked: TrackedRecording) -> list[str]:

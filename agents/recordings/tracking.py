@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from agents.evaluation.registry import ErrorArguments, load_decider, needed_options, parse_name
+from baselines.recordings.altitude import VerticalMotion, vertical_motion
 from baselines.recordings.decisions import RowDecisions, decide_piece, smooth_piece
 from baselines.recordings.imm_pass import TrackModel
 from baselines.recordings.model_fit import check_consistency, check_radii, fit_model, with_stop
@@ -69,6 +70,7 @@ class TrackedRecording:
         pieces: (K, 4) first row, end, mode and row of the decision of each piece, counted from 0;
             -1 for a piece without a decision, and with hindsight.
         moments: (K, 2) times that hold the begin of each piece with a probability of .95; NaN live.
+        vertical: climbs and descents, from all rows; None live and without altitudes.
         grid: its uniform ticks.
         outliers: number of measurements that were not used, because they are far from their
             neighbours.
@@ -93,6 +95,7 @@ class TrackedRecording:
     residuals: FloatArray
     pieces: IntArray
     moments: FloatArray
+    vertical: VerticalMotion | None
     grid: TickGrid
     outliers: int
     standing: int
@@ -143,11 +146,35 @@ class TrackedRecording:
                 f"{name}_time": _unless(rows < 0, recording.time_cells[rows])
                 for name, rows in moments.items()
             }
+        if self.vertical is not None:
+            heights, times = self.vertical.altitudes, recording.times
+            with np.errstate(invalid="ignore", divide="ignore"):
+                rates = (heights[end - 1] - heights[first]) / (times[end - 1] - times[first])
+            table["climb_rate"] = rates
         for name in ("begin", "end"):
             positions = self.estimates[moments[name], ::2]
             table |= {f"{name}_{axis}": positions[:, k] for k, axis in enumerate("xy")}
             table |= self._degrees(f"{name}_", positions)
         return table
+
+    def climb_table(self) -> dict[str, Any]:
+        """Return the columns of climbs.csv, of recordings with altitudes."""
+        assert self.vertical is not None
+        recording, vertical = self.recording, self.vertical
+        first, end = vertical.pieces.T
+        return {
+            **self._named(len(first)),
+            "piece": np.arange(1, len(first) + 1),
+            "first_row": first + 1,
+            "last_row": end,
+            "begin": recording.times[first],
+            "end": recording.times[end - 1],
+            "motion": vertical.words(),
+            "climb_rate": vertical.of_pieces[:, 0],
+            "climb_rate_deviation": vertical.of_pieces[:, 1],
+            "begin_altitude": vertical.altitudes[first],
+            "end_altitude": vertical.altitudes[end - 1],
+        }
 
     def row_table(self) -> dict[str, Any]:
         """Return the columns of estimates.csv, nan where there is no number."""
@@ -158,6 +185,11 @@ class TrackedRecording:
         # The column `radius` is that of the mode.
         turns = ("speed", "speed_deviation", "radius_estimate", "radius_deviation")
         file = {"line": recording.lines, "time": recording.time_cells}
+        heights: dict[str, Any] = {}
+        if self.vertical is not None:
+            names = ("altitude", "estimate_altitude", "climb_rate", "climb_rate_deviation")
+            columns = (recording.altitudes, *self.vertical[:3])
+            heights = dict(zip(names, columns, strict=True))
         return {
             **self._named(len(recording.times)),
             **{name: cells for name, cells in file.items() if cells is not None},
@@ -174,6 +206,7 @@ class TrackedRecording:
             **{f"estimate_{name}": self.estimates[:, k] for k, name in enumerate(state)},
             **self._degrees("estimate_", self.estimates[:, ::2]),
             **dict(zip(turns, self.turns.T, strict=True)),
+            **heights,
             **{f"cov_{state[i]}_{state[j]}": self.covariances[:, i, j] for i, j in triangle},
             **{f"residual_{axis}": self.residuals[:, k] for k, axis in enumerate("xy")},
         }
@@ -200,6 +233,7 @@ class TrackedRecording:
             "measurement_variance": float(model.measurement_variance),
             "process_variance": float(model.process_variance),
             "drift_variance": float(model.drift_variance),
+            "velocity_variance": float(model.velocity_variance),
             "radii": [float(radius) for radius in model.radii],
             "modes": [mode.as_json() for mode in model.modes],
             "duration": float(model.duration),
@@ -337,8 +371,12 @@ class TrackingArguments(ErrorArguments):
                 f"the stated mode is improbable for long, in {unlikely} rows: the threshold of"
                 " the decider may be too high for another one to be stated"
             )
+        vertical = None
+        if recording.altitudes is not None and not self.live:
+            vertical = vertical_motion(recording.times, recording.altitudes, recording.pieces)
         return TrackedRecording(
             recording=recording,
+            vertical=vertical,
             model=found.model,
             wind=found.tracker.units.origin[1::2],
             decider=self._named(found.tracker.decider),
@@ -447,9 +485,9 @@ def track_recording(
 
     Args:
         times: (n,) increasing times of the rows; None for rows at uniform ticks.
-        positions: (n, 2) measured x and y in any unit, NaN without a measurement; with a radar its
-            range, bearing, counter-clockwise from the x axis [rad], and by option range rate, (n,
-            2) or (n, 3).
+        positions: (n, 2) measured x and y in any unit, or (n, 4) also vx and vy, NaN without a
+            measurement; with a radar its range, bearing, counter-clockwise from the x axis [rad],
+            and by option range rate, (n, 2) or (n, 3).
         radar: that measured, in the same units.
         options: see `TrackingArguments`; the defaults are those of the command.
 
@@ -459,13 +497,15 @@ def track_recording(
     arguments = of_keywords(TrackingArguments, options)
     check_fields(arguments)
     if radar is None:
-        return arguments.track(make_recording(times, positions))
+        values = check_array("positions", positions, (None, None), missing=True)
+        if values.shape[1] not in (2, 4):
+            raise reject("positions shape", values.shape, "(n, 2), or (n, 4) with velocities")
+        return arguments.track(make_recording(times, values[:, :2], rates=values[:, 2:]))
     values = check_array("positions", positions, (None, radar.values), missing=True)
     if (values[:, 0] < 0.0).any():
         raise reject("positions", float(np.nanmin(values[:, 0])), "ranges >= 0")
     located = [radar.located(row)[:2] for row in values]
-    rates = values[:, 2] if radar.values == 3 else None
-    return arguments.track(make_recording(times, located, radar=radar, rates=rates))
+    return arguments.track(make_recording(times, located, radar=radar, rates=values[:, 2:]))
 
 
 def unlikely_rows(decisions: RowDecisions) -> int:

@@ -9,7 +9,7 @@ interval smoothing with discrete measurements": it inverts no covariance of the 
 singular where a segment begins or an object stands.
 
 Forwards, a tick predicts state x and covariance P by its step A. A measurement z of the position H
-x, whose errors have the covariance R, corrects them:
+x, or of position and velocity, whose errors have the covariance R, corrects them:
 
     S = H P H' + R    K = P H' S^-1    x := x + K (z - H x)    P := (I - K H) P
 
@@ -51,6 +51,8 @@ class Segments(NamedTuple):
     curvatures: FloatArray
     # (K,) acceleration along the heading at the begin; NaN of straight motion and turns.
     accelerations: FloatArray
+    # (K,) True if the object stands: that it has no velocity is then measured.
+    stands: BoolArray
     # (K, 6, 6) by which the first six states move in a tick, its derivative by the turn rate, what
     # is added, and the covariance of the noise.
     F: FloatArray
@@ -71,9 +73,9 @@ class FilterMemory(NamedTuple):
     covariances: FloatArray
     # (n, 7, 7) of the state by that of the tick before.
     steps: FloatArray
-    # (n, 7, 2)
+    # (n, 7, m) of m measured coordinates.
     gains: FloatArray
-    # (n, 2) innovations, and (n, 2, 2) the inverses of their covariances, 0 without a measurement.
+    # (n, m) innovations, and (n, m, m) the inverses of their covariances, 0 without a measurement.
     errors: FloatArray
     inverses: FloatArray
 
@@ -158,39 +160,62 @@ def _correct(
     P: FloatArray,
     measurement: FloatArray,
     noise: FloatArray,
+    stands: bool,
     freedom: float,
     inverse: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]:
-    """Return state and covariance after a measurement, the gain (7, 2), the innovation (2,), and
+    """Return state and covariance after a measurement, the gain (7, m), the innovation (m,), and
     the log-likelihood without its constant; of Student's t errors that of a normal one with the
     noise that is used.
 
     Args:
         x: (7,) predicted state.
         P: (7, 7) its covariance.
-        measurement: (2,) position, NaN if there is none [m].
-        noise: (3,) its covariance xx, xy, yy [m^2].
+        measurement: (m,) position, NaN if there is none [m], and if m is 4 velocity, likewise
+            [m/s].
+        noise: covariance xx, xy, yy of the position [m^2], and variance of a velocity [m^2/s^2].
+        stands: whether the velocity is that of an object that stands.
         freedom: of Student's t errors; 0 is normal ones.
-        inverse: (2, 2) of the covariance of the innovation, 0 without a measurement, written.
+        inverse: (m, m) of the covariance of the innovation, 0 of what does not correct the state,
+            written.
     """
+    inverse[:] = 0.0
+    error = np.zeros(len(measurement))
+    gain = np.zeros((STATES, len(measurement)))
     if math.isnan(measurement[0]):
-        inverse[:] = 0.0
-        return x, P, np.zeros((STATES, 2)), np.zeros(2), 0.0
-    error = measurement - x[:2]
-    S = np.empty((2, 2))
+        return x, P, gain, error, 0.0
+    told = len(measurement) > 2 and not math.isnan(measurement[-1])
+    count = 4 if told and not stands else 2
+    error[:count] = measurement[:count] - x[:count]
     weight = 1.0
     # To a robust likelihood the noise of a measurement that is far is larger.
     for _ in range(2 if freedom > 0.0 else 1):
-        xx, xy, yy = noise / weight
-        S[0, 0], S[0, 1] = P[1, 1] + yy, -P[0, 1] - xy
-        S[1, 0], S[1, 1] = S[0, 1], P[0, 0] + xx
-        determinant = S[0, 0] * S[1, 1] - S[0, 1] * S[1, 0]
-        inverse[:] = S / determinant
+        xx, xy, yy = noise[:3] / weight
+        if count == 2:
+            a, b, c = P[0, 0] + xx, P[0, 1] + xy, P[1, 1] + yy
+            determinant = a * c - b * b
+            inverse[0, 0], inverse[1, 1] = c / determinant, a / determinant
+            inverse[0, 1] = inverse[1, 0] = -b / determinant
+        else:
+            S = P[:4, :4].copy()
+            S[0, 0], S[0, 1], S[1, 0], S[1, 1] = (
+                S[0, 0] + xx,
+                S[0, 1] + xy,
+                S[1, 0] + xy,
+                S[1, 1] + yy,
+            )
+            S[2, 2] += noise[-1] / weight
+            S[3, 3] += noise[-1] / weight
+            determinant = np.linalg.det(S)
+            inverse[:] = np.linalg.inv(S)
         distance = float(error @ (inverse @ error))
-        weight = min((freedom + 2.0) / (freedom + distance), 1.0)
-    gain = np.ascontiguousarray(P[:, :2]) @ inverse
-    P = P - gain @ P[:2]
+        weight = min((freedom + count) / (freedom + distance), 1.0)
+    gain[:] = np.ascontiguousarray(P[:, : len(measurement)]) @ inverse
+    P = P - gain @ P[: len(measurement)]
     log_likelihood = -0.5 * (distance + math.log(determinant))
+    if told and stands:
+        square = measurement[2] ** 2 + measurement[3] ** 2
+        log_likelihood -= 0.5 * square / noise[-1] + math.log(noise[-1])
     # Rounding errors that are not symmetric would grow.
     return x + gain @ error, 0.5 * (P + P.T), gain, error, log_likelihood
 
@@ -209,8 +234,8 @@ def filter_block(
     """Filter the ticks of a block and fill its memory.
 
     Args:
-        measurements: (T, 2) positions up to the end of the block, NaN where there is none [m].
-        noises: (T, 3) their covariances xx, xy, yy [m^2].
+        measurements: (T, m) up to the end of the block, see `PieceSmoother`.
+        noises: (T, m / 2 + 2) likewise.
         first: number of the first tick of the block.
         segments: of the whole track.
         speed: as in `_begin`.
@@ -229,7 +254,8 @@ def filter_block(
         x, P = _predict(x, P, A, place, segments)
         memory.steps[k] = A @ J if begins else A
         seen, noise = measurements[first + k], noises[first + k]
-        x, P, gain, error, _ = _correct(x, P, seen, noise, freedom, memory.inverses[k])
+        stands, inverse = segments.stands[place], memory.inverses[k]
+        x, P, gain, error, _ = _correct(x, P, seen, noise, stands, freedom, inverse)
         memory.gains[k] = gain
         memory.errors[k] = error
         memory.states[k + 1] = x
@@ -269,7 +295,7 @@ def compare_begins(
         log_likelihoods: see `PieceSmoother.compare`, written.
     """
     A = np.eye(STATES)
-    inverse = np.empty((2, 2))
+    inverse = np.empty((measurements.shape[1], measurements.shape[1]))
     count = len(pieces)
     for k in range(1, count):
         begin, end = pieces[k, 0], pieces[k, 1]
@@ -290,15 +316,15 @@ def compare_begins(
                     if tick in (now, whole):
                         y, V, _ = _begin(y, V, place, segments, speed)
                     y, V = _predict(y, V, A, place, segments)
-                    seen = measurements[tick]
-                    y, V, _, _, more = _correct(y, V, seen, noises[tick], freedom, inverse)
+                    seen, noise, stands = measurements[tick], noises[tick], segments.stands[place]
+                    y, V, _, _, more = _correct(y, V, seen, noise, stands, freedom, inverse)
                     log_likelihood += more
                 log_likelihoods[k, g:, (now - begin) // stride + REACH] = log_likelihood
             # The piece before goes on.
             for tick in range(now, now + stride):
                 x, P = _predict(x, P, A, k - 1, segments)
-                seen = measurements[tick]
-                x, P, _, _, more = _correct(x, P, seen, noises[tick], freedom, inverse)
+                seen, noise, stands = measurements[tick], noises[tick], segments.stands[k - 1]
+                x, P, _, _, more = _correct(x, P, seen, noise, stands, freedom, inverse)
                 before += more
 
 
@@ -318,14 +344,14 @@ def compare_modes(
     `compare_begins`, with the segments of all modes, and see `PieceSmoother.compare_modes`.
     """
     A = np.eye(STATES)
-    inverse = np.empty((2, 2))
+    inverse = np.empty((measurements.shape[1], measurements.shape[1]))
     for k in range(len(pieces)):
         for mode in range(log_likelihoods.shape[1]):
             x, P, _ = _begin(states[k], covariances[k], mode, modes, speed)
             for tick in range(pieces[k, 0], min(pieces[k, 1], pieces[k, 0] + 10 * REACH)):
                 x, P = _predict(x, P, A, mode, modes)
-                seen = measurements[tick]
-                x, P, _, _, more = _correct(x, P, seen, noises[tick], freedom, inverse)
+                seen, noise, stands = measurements[tick], noises[tick], modes.stands[mode]
+                x, P, _, _, more = _correct(x, P, seen, noise, stands, freedom, inverse)
                 log_likelihoods[k, mode] += more
 
 
@@ -349,7 +375,7 @@ def _go_back(memory: FilterMemory, k: int, adjoint: FloatArray, information: Flo
     """Bring what later ticks say to the begin of tick k of a block."""
     inverse = memory.inverses[k]
     step = memory.steps[k]
-    seen = step[:2]
+    seen = step[: len(inverse)]
     # The step, and what the correction by the measurement leaves of it.
     left = (step - memory.gains[k] @ seen).T.copy()
     adjoint[:] = left @ adjoint - seen.T @ (inverse @ memory.errors[k])

@@ -1,10 +1,10 @@
 """Estimates along known modes, given all measurements. See `piece_filter` for the equations."""
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.special import chdtri
 
 from baselines.estimation.piece_filter import (
     REACH,
@@ -67,8 +67,10 @@ class PieceSmoother:
     """Estimates of an object whose modes are known, given all measurements.
 
     Attributes:
-        measurements: (T, 2) positions [m], NaN where there is none.
-        noises: (T, 3) their covariances xx, xy, yy [m^2].
+        measurements: (T, 2) positions [m], or (T, 4) with velocities [m/s], NaN where there is
+            none.
+        noises: (T, 3) covariances xx, xy, yy of the positions [m^2], or (T, 4) with the variance of
+            each coordinate of the velocities [m^2/s^2].
         start: estimate (4,) and covariance (4, 4) one tick before the first measurement.
         motions: (M,) records `MOTION`.
         tau: length of a tick [s].
@@ -94,14 +96,14 @@ class PieceSmoother:
         self.rates, self.radii = np.empty((2, 0))
         # Modes of the last call of `smooth_first`.
         self.last: IntArray | None = None
-        ticks = min(PIECE_TICKS, len(self.measurements))
+        ticks, m = min(PIECE_TICKS, len(self.measurements)), self.measurements.shape[1]
         self.memory = FilterMemory(
             np.zeros((ticks + 1, STATES)),
             np.zeros((ticks + 1, STATES, STATES)),
             np.zeros((ticks, STATES, STATES)),
-            np.zeros((ticks, STATES, 2)),
-            np.zeros((ticks, 2)),
-            np.zeros((ticks, 2, 2)),
+            np.zeros((ticks, STATES, m)),
+            np.zeros((ticks, m)),
+            np.zeros((ticks, m, m)),
         )
 
     def _segments(self, pieces: IntArray, of_pieces: AnyArray, rates: FloatArray) -> Segments:
@@ -122,7 +124,8 @@ class PieceSmoother:
         places = np.repeat(np.arange(len(pieces)), pieces[:, 1] - pieces[:, 0])
         accelerations = np.where(linear, of_pieces["acceleration"], np.nan)
         curvatures = _curvatures(of_pieces)
-        return Segments(places, begins, curvatures, accelerations, F, slopes, B, Q, rates, SPREAD)
+        modes = curvatures, accelerations, of_pieces["stands"]
+        return Segments(places, begins, *modes, F, slopes, B, Q, rates, SPREAD)
 
     def _filter(self, first: int, segments: Segments) -> int:
         """Filter the block that begins at a tick, and return the number of its ticks."""
@@ -240,8 +243,9 @@ class PieceSmoother:
             covariances[here] = memory.covariances[ticks[here] - first]
             self._anchor(memory.states[count], memory.covariances[count])
         measured = ~np.isnan(self.measurements[:, 0])
-        # Over the median of the squared length of a normalised innovation in two dimensions.
-        misfit = np.median(np.concatenate(distances)[measured]) / (2.0 * math.log(2.0))
+        # Over the median of the squared length of a normalised innovation.
+        expected = chdtri(self.measurements.shape[1], 0.5)
+        misfit = np.median(np.concatenate(distances)[measured]) / expected
         return states, covariances, float(misfit)
 
     def compare_modes(self, numbers: IntArray) -> FloatArray:

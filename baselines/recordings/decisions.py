@@ -65,7 +65,7 @@ def smooth_piece(
         seen = [sensor.noise(x, y) for x, y in values[piece.measured].tolist()]
         noises[piece.measured] = np.array(seen) / options.variances[0]
         rates = np.full((len(values), MOST_RATES), np.nan)
-        rates[:, 0] = piece.rates * units.scales[1]
+        rates[:, : sensor.rates] = units.rates(piece.rates)
         values = np.hstack([values, noises, rates])
     known = None
     if start is not None:
@@ -132,8 +132,8 @@ def decide_piece(
         if used[row]:
             point = tracker.units.position(positions[row], times[row])
             for sensor in options.sensors:
-                rate = float(tracker.units.scales[1] * piece.rates[tick])
-                point = Fused(point.position, sensor.noise(*point.position), (rate,))
+                rates = tuple(tracker.units.rates(piece.rates[tick]).tolist())
+                point = Fused(point.position, sensor.noise(*point.position), rates)
         tracker.time = times[row]
         now = tracker.advance(tick - before, point, float(piece.late[row]))
         before = tick

@@ -33,7 +33,7 @@ from hybrid_env.durations import GeometricDurations
 from hybrid_env.limits import MAX_LENGTH
 from hybrid_env.modes import Mode, modes_of_radii, motion_table
 from hybrid_env.quickest_options import QuickestOptions
-from hybrid_env.sensors import Radar, sensor_table
+from hybrid_env.sensors import Radar, Sensor, sensor_table
 
 # What `step_imm` reads and writes of a track.
 PASS_BLOCK = lanes_of(**MEASURED_FIELDS, estimate=(float, 4), covariance=(float, 10))
@@ -48,12 +48,12 @@ class Chunks(NamedTuple):
     switches: BoolArray
     # (B, T, 3, LANES) covariances xx, xy, yy of the measurements, over R.
     noises: FloatArray
-    # (B, T, LANES) range rates of a radar at the origin, NaN without one.
+    # (B, T, k, LANES) range rates of a radar at the origin, or velocities, NaN without one.
     rates: FloatArray
     # (B, 3, LANES) ticks of the two measurements that start a lane, and of the last one that does
     # not count; T without them.
     starts: IntArray
-    # (1,) record `SENSOR` of the radar, or none.
+    # (1,) record `SENSOR` of what measures range rates or velocities, or none.
     sensors: AnyArray
 
 
@@ -113,7 +113,8 @@ def imm_pass(
                     block.measurement[axis, lane] = chunks.measurements[b, k, axis, lane]
                 for element in range(3):
                     block.noise[element, lane] = chunks.noises[b, k, element, lane]
-                block.rates[0, lane] = chunks.rates[b, k, lane]
+                for row in range(chunks.rates.shape[2]):
+                    block.rates[row, lane] = chunks.rates[b, k, row, lane]
                 if k > chunks.starts[b, 1, lane] and chunks.switches[b, k, lane]:
                     operations.begin_imm(bank, block, lane, -1)
             # What lanes without a chunk hold is not used.
@@ -144,7 +145,13 @@ def imm_pass(
 
 
 def run_pass(chunks: Chunks, track: "TrackModel") -> Pass:
-    """Run the bank of a model over chunks, in their units."""
+    """Run the bank of a model over chunks, in their units; without a variance of the velocities
+    these are not used.
+    """
+    if (chunks.sensors["rates"] == 2).any():
+        sensors = chunks.sensors[: int(track.velocity_variance > 0.0)].copy()
+        sensors["deviations"] = math.sqrt(track.velocity_variance)
+        chunks = chunks._replace(sensors=sensors)
     shape = chunks.measurements.shape[:2]
     modes = track.hypotheses
     block = aligned_zeros((1,), PASS_BLOCK)
@@ -189,10 +196,14 @@ def grid_chunks(
         begins[np.cumsum([0, *lengths[:-1]])] = True
     velocity = grid.tau / scale
     radar = None if grid.radar is None else grid.radar.scaled(1.0 / scale, velocity)
+    # Its variances are those of the model.
+    sensors: list[Sensor | Radar] = []
+    if grid.velocities:
+        sensors = [Sensor(variance=1.0, velocity_variance=1.0)]
     blocks = -(-len(places) // LANES)
     shape = blocks * LANES, max(end - first for _, first, end in places)
     values = np.full((*shape, 2), np.nan)
-    rates = np.full(shape, np.nan)
+    rates = np.full((*shape, grid.pieces[0].rates.shape[1]), np.nan)
     switches = np.zeros(shape, np.bool_)
     for k, (index, first, end) in enumerate(places):
         part = grid.pieces[index].measurements[first:end]
@@ -206,6 +217,7 @@ def grid_chunks(
     measured = ~np.isnan(values[..., 0])
     noises = np.tile([1.0, 0.0, 1.0], (*shape, 1))
     if radar is not None:
+        sensors = [radar]
         noises[measured] = [radar.noise(x, y) for x, y in values[measured].tolist()]
     # Of each lane, up to a tick. Three measurements after the two that start it do not count: they
     # depend on how the velocity was found.
@@ -222,7 +234,7 @@ def grid_chunks(
         by_lane(noises),
         by_lane(rates),
         by_lane(starts),
-        sensor_table([] if radar is None else [radar], 1.0),
+        sensor_table(sensors, 1.0),
     ), places
 
 
@@ -252,6 +264,8 @@ class TrackModel:
     modes: tuple[Mode, ...] = ()
     # Of the drift of each measured coordinate in a tick, as of a GPS.
     drift_variance: float = 0.0
+    # Of each coordinate of measured velocities; 0 without them.
+    velocity_variance: float = 0.0
 
     @property
     def hypotheses(self) -> int:
@@ -300,6 +314,7 @@ class TrackModel:
             measurement_variance=1.0,
             process_variance=self.process_variance * self.tau**2 / self.measurement_variance,
             drift_variance=self.drift_variance / self.measurement_variance,
+            velocity_variance=self.velocity_variance * self.tau**2 / self.measurement_variance,
             duration=math.inf if lengths else self.duration,
         )
         result = run_pass(chunks, model)
@@ -335,8 +350,14 @@ class TrackModel:
     def options(self, radar: Radar | None = None) -> dict[str, Any]:
         """Return the options of an environment with this model in its units, and with a radar."""
         length, velocity = self.scales[:2].tolist()
+        sensors: tuple[Radar | Sensor, ...] = ()
+        if radar is not None:
+            sensors = (radar.scaled(length, velocity),)
+        elif self.velocity_variance > 0.0:
+            variance = self.velocity_variance * velocity**2
+            sensors = (Sensor(variance=0.1, velocity_variance=variance),)
         return {
-            "sensors": () if radar is None else (radar.scaled(length, velocity),),
+            "sensors": sensors,
             "radii": tuple(radius * length for radius in self.radii),
             "modes": self.modes_in(length, velocity) or None,
             "speed": self.speed * velocity,

@@ -107,6 +107,8 @@ def fit_model(
             better = _refine(likelihood, proposed, ["radii"]).radii
     limit = likelihood(best) - margin
     turns = bool(modes) or limit > _straight(likelihood, best, free, limit)
+    if grid.velocities:
+        best = _with_velocities(likelihood, best, free)
     if lengths:
         duration = float(np.mean(lengths))
     if duration is None:
@@ -124,6 +126,7 @@ def fit_model(
         tuple(sorted(radius * scale for radius in better)),
         modes,
         best.drift_variance * rough,
+        best.velocity_variance * rough / tau**2,
     )
 
 
@@ -198,6 +201,24 @@ def _with_drift(
         return steady
     free.append("drift_variance")
     return _refine(likelihood, drifting, free)
+
+
+def _with_velocities(likelihood: Likelihood, blind: TrackModel, free: list[str]) -> TrackModel:
+    """Return a model with the variance of measured velocities that has the largest likelihood, and
+    add it to the names of what is free; the one that was given if they are no velocities of the
+    object.
+    """
+    points = [
+        replace(blind, velocity_variance=(share * blind.speed) ** 2)
+        for share in (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)
+    ]
+    names = [name for name in free if name not in ("radii", "duration")]
+    best = _refine(likelihood, max(points, key=likelihood), [*names, "velocity_variance"])
+    # Half of the speed in each coordinate is no more than chance.
+    if best.velocity_variance > (0.5 * blind.speed) ** 2:
+        return blind
+    free.append("velocity_variance")
+    return best
 
 
 def _more_radii(
@@ -277,7 +298,8 @@ def _refine(likelihood: Likelihood, start: TrackModel, free: list[str]) -> Track
             changes["radii"] = tuple(min(radius, largest) for radius in values[len(names) :])
         return replace(start, **changes)
 
-    widths = {"measurement_variance": 0.3, "process_variance": 1.0, "drift_variance": 1.0}
+    widths = dict.fromkeys(("process_variance", "drift_variance", "velocity_variance"), 1.0)
+    widths["measurement_variance"] = 0.3
     steps = [*(widths[name] for name in names), *[0.2] * len(radii)]
     cost = minimize(
         lambda vector: -likelihood(parameters(vector)),
@@ -430,7 +452,8 @@ def _further(grid: TickGrid) -> list[str]:
         points = np.concatenate([piece.measurements for piece in grid.pieces])
         farthest = float(np.nanmax(np.hypot(*(points - grid.radar.position).T)))
         # Bend of an arc of the length of the bearing error, see `Radar`.
-        bend = farthest * grid.radar.bearing_deviation**2 / grid.radar.range_deviation
+        of_range, of_bearing = grid.radar.deviations
+        bend = farthest * of_bearing**2 / of_range
         if bend > 0.25:
             sentences.append(
                 "the bearing error is too large for the range deviation (range * deviation^2 is"

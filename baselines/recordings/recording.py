@@ -55,8 +55,11 @@ class Recording:
     projection: "Projection | None" = None
     # Whose ranges and bearings `positions` are converted from.
     radar: Radar | None = None
-    # (n,) its range rates, NaN without one.
+    # (n, k) its range rate, or without a radar velocities vx, vy [`unit` / `time_unit`], NaN where
+    # none is measured.
     rates: FloatArray | None = None
+    # (n,) measured altitudes [`unit`], NaN where there is none; None without any.
+    altitudes: FloatArray | None = None
     # Longest time between two measurements of a piece [`time_unit`]
     gap: float = math.inf
     # (n,) number of the line of each row in its file; None for arrays.

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from baselines.estimation.turns import TurnEstimate
-from hybrid_env.checks import LARGEST_NUMBER, FloatArray, Moments, check_array
+from hybrid_env.checks import LARGEST_NUMBER, FloatArray, Moments, check_array, reject
 from hybrid_env.sensors import Fused, Radar, Sensor, fuse
 
 if TYPE_CHECKING:
@@ -37,6 +37,11 @@ class SensorUnits:
         """Whether both are the same."""
         return bool((self.scales == 1.0).all() and not self.origin.any())
 
+    @cached_property
+    def moves(self) -> bool:
+        """Whether the origin of the options moves."""
+        return bool(self.origin[1::2].any())
+
     @property
     def second(self) -> float:
         """Unit of time of the options in that of the measurements."""
@@ -48,8 +53,17 @@ class SensorUnits:
             time, self.origin[[1, 1, 3, 3]] * [1.0, 0.0, 1.0, 0.0]
         )
 
-    def measured(self, measurement: Any, time: float) -> Fused | None:
-        """Return a checked measurement in the units of the options, None if there is none."""
+    def measured(self, measurement: Any, time: float, velocity: Any = None) -> Fused | None:
+        """Return a checked measurement in the units of the options, None if there is none; with the
+        velocity (2,) that was measured with it.
+        """
+        if velocity is not None:
+            fused = self.measured(measurement, time)
+            given = check_array("velocity", velocity, (2,), missing=True)
+            if [sensor.rates for sensor in self.sensors] != [2]:
+                allowed = "none: the options have no single sensor that measures the velocity"
+                raise reject("velocity", velocity, allowed)
+            return fused and fused._replace(rates=tuple(self.rates(given).tolist()))
         if measurement is None or isinstance(measurement, Fused):
             return measurement
         if isinstance(measurement, dict):
@@ -76,7 +90,8 @@ class SensorUnits:
             return values
         sensor = self.sensors[int(k)]
         length, velocity = self.scales[:2].tolist()
-        units = [length, 1.0, velocity] if isinstance(sensor, Radar) else [length] * 2
+        of_radar = [length, 1.0, velocity]
+        units = of_radar if isinstance(sensor, Radar) else [length, length, velocity, velocity]
         given = check_array(f"measurement[{k}]", values, (sensor.values,))
         return given * units[: sensor.values]
 
@@ -88,6 +103,22 @@ class SensorUnits:
         length = float(self.scales[0])
         x0, _, y0, _ = self.origin_at(time).tolist()
         return Fused((length * (x - x0), length * (y - y0)))
+
+    def rates(self, values: FloatArray) -> FloatArray:
+        """Return range rates (..., 1) or velocities (..., 2) in the units of the options."""
+        velocity = self.origin[1::2] if values.shape[-1] == 2 else 0.0
+        return np.asarray(self.scales[1] * (values - velocity))
+
+    def at_time(
+        self, position: tuple[float, float], time: float, now: float
+    ) -> tuple[float, float]:
+        """Return a position in the units of the options at a time as it is at another one, when
+        their origin has moved on.
+        """
+        if not self.moves:
+            return position
+        dx, dy = ((time - now) * self.scales[::2] * self.origin[1::2]).tolist()
+        return position[0] + dx, position[1] + dy
 
     def start(self, estimate: FloatArray, covariance: FloatArray, time: float) -> Moments:
         """Return an estimate (4,) at a time and its covariance (4, 4) in the units of the

@@ -56,9 +56,11 @@ class TrackerSettings(Checked):
     known_switches: bool
     projection: Projection | None
     radar: Radar | None
-    # Velocity of the medium.
-    wind: tuple[float, float]
     modes: Annotated[tuple[Mode, ...], _modes]
+    # Velocity of the medium.
+    wind: tuple[float, float] = (0.0, 0.0)
+    # Of measured velocities; 0 without them.
+    velocity_variance: FoundOrZero = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -77,6 +79,7 @@ class TrackerSettings(Checked):
             self.tick,
             modes=self.modes,
             drift_variance=self.drift_variance,
+            velocity_variance=self.velocity_variance,
         )
 
     @property
@@ -125,6 +128,7 @@ def read_settings(recording: Any) -> TrackerSettings:
 
 def _settings(values: Any) -> TrackerSettings:
     try:
-        return TrackerSettings(**{name: values[name] for name in declared_fields(TrackerSettings)})
-    except (KeyError, TypeError) as error:
-        raise ArgumentError(f"no track.json of hybridtrack track: {error!r}") from None
+        known = values.keys() & declared_fields(TrackerSettings)
+        return TrackerSettings(**{name: values[name] for name in known})
+    except (AttributeError, TypeError) as error:
+        raise ArgumentError(f"no track.json of hybridtrack track: {error}") from None

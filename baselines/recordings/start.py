@@ -12,6 +12,7 @@ import numpy as np
 from hybrid_env.checks import FloatArray, Moments
 from hybrid_env.compiled import compiled
 from hybrid_env.options import ModelOptions
+from hybrid_env.sensors import Sensor
 
 
 def unit_noise(options: ModelOptions) -> FloatArray:
@@ -66,7 +67,7 @@ class FirstMeasurements:
     """Collects measurements until more of them would not make the estimate of the velocity better.
     The line is fitted to as many of the last ones as give the smallest variance of the velocity:
     few if the object turns by a large angle in a tick, up to `most` if they are noisy. A track can
-    begin when it is `complete`.
+    begin when it is `complete`. A measured velocity needs no line.
     """
 
     def __init__(self, options: ModelOptions, most: int):
@@ -95,12 +96,24 @@ class FirstMeasurements:
         y: float,
         noise: Sequence[float] | FloatArray | None = None,
         late: float = 0.0,
+        rates: Sequence[float] = (),
     ) -> None:
         """Advance by one tick with a measurement [m], and its covariance xx, xy, yy [m^2]; None
-        is R. It was made by `late` after the tick [s]; the estimate is at the tick.
+        is R. It was made by `late` after the tick [s]; the estimate is at the tick. With a measured
+        velocity as `rates` [m/s] no further measurement is needed.
         """
         self._tick += 1
         variances = unit_noise(self.options) if noise is None else noise
+        sensor = self.options.sensors[0] if self.options.sensors else None
+        known = len(rates) > 1 and np.isfinite(rates[:2]).all()
+        if known and isinstance(sensor, Sensor) and sensor.velocity_variance is not None:
+            vx, vy = rates[:2]
+            self.estimate = np.array([x - late * vx, vx, y - late * vy, vy])
+            xx, xy, yy = variances
+            self.covariance = np.diag([xx, sensor.velocity_variance, yy, sensor.velocity_variance])
+            self.covariance[0, 2] = self.covariance[2, 0] = xy
+            self.complete = True
+            return
         self._measured.append([self._tick + late / self.options.tau, x, y, *variances])
         rows = np.array(self._measured)
         counts = range(min(2, len(rows)), len(rows) + 1)

@@ -34,7 +34,7 @@ class Piece(NamedTuple):
     late: FloatArray
     # (T, 2) [unit of length]; NaN without a measurement.
     measurements: FloatArray
-    # (T,) range rates; NaN without one.
+    # (T, k) range rates or velocities, see `Recording`; NaN without one.
     rates: FloatArray
 
     @property
@@ -95,6 +95,11 @@ class TickGrid(NamedTuple):
         """Number of ticks with a measurement."""
         return sum(int(piece.measured.sum()) for piece in self.pieces)
 
+    @property
+    def velocities(self) -> bool:
+        """Whether velocities were measured."""
+        return self.pieces[0].rates.shape[1] == 2
+
     def moving(self, times: FloatArray, velocity: FloatArray) -> "TickGrid":
         """Return the grid as seen from what moves with a velocity (2,), and was at 0 at time 0.
 
@@ -103,7 +108,10 @@ class TickGrid(NamedTuple):
             velocity: (2,) of the observer.
         """
         pieces = [
-            piece._replace(measurements=piece.measurements - velocity * piece.times(times)[:, None])
+            piece._replace(
+                measurements=piece.measurements - velocity * piece.times(times)[:, None],
+                rates=piece.rates - velocity if self.velocities else piece.rates,
+            )
             for piece in self.pieces
         ]
         return self._replace(pieces=tuple(pieces))
@@ -134,9 +142,11 @@ def tick_grid(recording: Recording) -> TickGrid:
         measurements = np.full((int(numbers[-1]) + 1, 2), np.nan)
         measurements[numbers[measured]] = _moved(points, times[measured], late[measured])
         squares += float((late**2).sum())
-        rates = np.full(len(measurements), np.nan)
+        of_rows = np.empty((end - first, 0))
         if recording.rates is not None:
-            rates[numbers[measured]] = recording.rates[first:end][measured]
+            of_rows = recording.rates[first:end]
+        rates = np.full((len(measurements), of_rows.shape[1]), np.nan)
+        rates[numbers[measured]] = of_rows[measured]
         pieces.append(Piece(first, end, numbers, late, measurements, rates))
     rows = sum(map(len, times_of))
     return TickGrid(

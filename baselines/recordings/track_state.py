@@ -28,8 +28,8 @@ class TrackState:
     time: float | None = None
     # Whether there was a measurement.
     measured: bool = False
-    # Position of the last measurement.
-    position: tuple[float, float] | None = None
+    # Position and time of the last measurement.
+    position: tuple[tuple[float, float], float] | None = None
     # Smallest step of a coordinate between two measurements.
     digit: float = math.inf
     # Measurements in a row, up to now, that repeat a position, are far, and agree.

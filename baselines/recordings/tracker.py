@@ -205,8 +205,9 @@ class OnlineTracker(OwnState):
         """Begin a track, and forget the last one.
 
         Without an estimate a straight line is fitted to the first measurements, 3 with unknown and
-        up to 10 with announced switches. The bank begins after the last of them; until then the
-        estimate is that of the line, and all modes are equally probable.
+        up to 10 with announced switches; one with a velocity is enough. The bank begins after the
+        last of them; until then the estimate is that of the line, and all modes are equally
+        probable.
 
         Args:
             estimate: (4,) [x, vx, y, vy] one tick before the first measurement, in the units of
@@ -263,24 +264,28 @@ class OnlineTracker(OwnState):
         self,
         measurement: ArrayLike | dict[int, ArrayLike] | Fused | None,
         time: float | datetime | np.datetime64 | str | None = None,
+        velocity: ArrayLike | None = None,
     ) -> OnlineEstimate:
         """Process a measurement, and return what is known after it.
 
         Args:
             measurement: (2,) position of variance R, in the units of the sensor, or latitude and
                 longitude [deg] with a projection; or what the sensors of the options measured, as a
-                mapping from their place in the list: (x, y), (range, bearing) or (range, bearing,
-                range rate), bearings in radians; None or NaN if there is none.
+                mapping from their place in the list: (x, y), (x, y, vx, vy), (range, bearing) or
+                (range, bearing, range rate), bearings in radians; None or NaN if there is none.
             time: of the measurement in the unit of `tau`, or a date, also as text in the form of
                 ISO 8601; None is one tick after the last one. A measurement whose time is NaN is
                 dropped.
+            velocity: (2,) that was measured with the position, as from speed and course over
+                ground, in the units of `OnlineEstimate.estimate`; None or NaN if there is none. The
+                options need one `Sensor` with a `velocity_variance`.
 
         Raises:
-            ArgumentError: measurement or time have another form, or the measurement is missing and
-                the decider cannot do without it.
+            ArgumentError: measurement, velocity or time have another form, or the measurement is
+                missing and the decider cannot do without it.
         """
         moment = self.time + self.tau if time is None else number_of(time)
-        point = self.units.measured(measurement, moment)
+        point = self.units.measured(measurement, moment, velocity)
         if time is None:
             self.time = moment
             self.state.clock.tick()
@@ -295,6 +300,16 @@ class OnlineTracker(OwnState):
                 return self._known("missing")
             self.begin()
         self._behind = 0
+        if point is not None:
+            near = self.longest_step * self.tau
+            apart = last is None or not self.state.measured or moment - last > near
+            self._apart = self._apart + 1 if apart else 0
+            if self._apart == self.patience:
+                warnings.warn(
+                    f"the last {self.patience} measurements were more than {self.longest_step}"
+                    f" ticks apart: are their times in the unit of tau={self.tau:.4g}?",
+                    stacklevel=2,
+                )
         return self._at_time(point, moment)
 
     def _at_time(self, point: Fused | None, time: float) -> OnlineEstimate:
@@ -338,7 +353,8 @@ class OnlineTracker(OwnState):
         self._behind += 1
         if self._behind == 1:
             moments = self.track.estimate(), self.track.covariance()
-            goes_on = not self.begun or self._agrees(point, *moments)
+            place = self.units.at_time(point.position, time, self.time)
+            goes_on = not self.begun or self._agrees(point._replace(position=place), *moments)
             self._set_back = goes_on or (point, time) == self._first
         if self._behind >= (self.patience if self._set_back else self.history):
             self.begin()
@@ -370,15 +386,6 @@ class OnlineTracker(OwnState):
         self._late = late / self.units.second
         missing = (ticks - (point is not None)) * state.measured
         status: Status = "used" if state.measured else "begun"
-        if point is not None:
-            apart = not state.measured or ticks > self.longest_step
-            self._apart = self._apart + 1 if apart else 0
-        if point is not None and self._apart == self.patience:
-            warnings.warn(
-                f"the last {self.patience} measurements were more than {self.longest_step} ticks"
-                f" apart: are their times in the unit of tau={self.tau:.4g}?",
-                stacklevel=3,
-            )
         if state.collected is not None:
             if not self._begins_after(state.collected, point, missing):
                 return self._known("missing" if point is None else status)
@@ -448,6 +455,12 @@ class OnlineTracker(OwnState):
         """Advance by one tick with a measurement, or without it if it is not used."""
         state = self.state
         before = self.track.estimate(), self.track.covariance()
+        if math.isnan(point.position[0]):
+            # A bearing or a range alone.
+            self.track.measure(point.position, point)
+            self._settle(point, before)
+            self._decide(self.track.counts)
+            return "used"
         stale = self._is_stale(point.position, before[0], ticks)
         state.repeats = (state.repeats + 1) * stale
         if stale and state.repeats <= self.patience:
@@ -525,14 +538,20 @@ class OnlineTracker(OwnState):
         moved by more than rounding of the positions explains.
         """
         state = self.state
-        last, state.position = state.position, position
+        last, state.position = state.position, (position, self.time)
         if last is None:
             return False
-        steps = abs(position[0] - last[0]), abs(position[1] - last[1])
+        x, y = self.units.at_time(*last, self.time)
+        rounding = 0.0
+        if self.units.moves:
+            # Dates since 1970 make the origin large.
+            origin = self.units.scales * self.units.origin_at(self.time)
+            rounding = 1e-15 * float(np.abs(origin).max())
+        steps = abs(position[0] - x), abs(position[1] - y)
         for step in steps:
-            if 0.0 < step < state.digit:
+            if rounding < step < state.digit:
                 state.digit = step
-        if any(steps):
+        if max(steps) > rounding:
             return False
         _, vx, _, vy = estimate.tolist()
         return math.hypot(vx, vy) * ticks * self.options.tau > 5.0 * state.digit
@@ -576,10 +595,13 @@ class OnlineTracker(OwnState):
             self.track.begin(collected.estimate, collected.covariance, state.mode)
             state.collected = None
             return True
-        collected.add(*point.position, point.covariance, self._late)
+        if math.isnan(point.position[0]):
+            collected.skip()
+            return False
+        collected.add(*point.position, point.covariance, self._late, point.rates)
         self._settle(self._at_tick(point, collected.estimate, collected.covariance))
         state.measured = True
-        state.position = point.position
+        state.position = point.position, self.time
         if state.announced_ticks is not None:
             state.announced_ticks = max(state.announced_ticks - 1, 1)
         return False

@@ -235,7 +235,6 @@ class ComponentFilters(OwnState):
         self.noise = np.tile([1.0, 0.0, 1.0], (tracks, 1))
         if self.oriented:
             self.sensors = np.zeros(1, SENSOR)
-            self.sensors["rate_row"] = -1
         # Whether the axes are known, (N,).
         self.axes_known = np.zeros(tracks, np.bool_)
         self.memory = _Memory(

@@ -7,7 +7,14 @@ import numpy as np
 
 from baselines.estimation.pieces import PIECE_TICKS
 from baselines.rules.beam_filters import BY_LAW
-from baselines.rules.hindsight import beam_of, choose_modes, smoother_of, starts_of, worth_of
+from baselines.rules.hindsight import (
+    beam_of,
+    choose_modes,
+    smoother_of,
+    starts_of,
+    with_velocities,
+    worth_of,
+)
 from baselines.rules.lattice import LatticeWalk, smooth_lattice
 from hybrid_env.checks import FloatArray, Moments
 from hybrid_env.quickest_options import QuickestOptions
@@ -62,11 +69,14 @@ class FixedLagSmoother:
         # Half of the segments of a beam that decides at once are enough, and take half the time.
         branches = max(32, 8 * options.hypotheses)
         most, self.model = beam_of(options, branches, process_share)
-        self._positions = np.full((lag + 1, 2), np.nan)
-        self._noises = np.tile(self._noise_of(first), (lag + 1, 1))
-        starts, rough = starts_of(start, first[:2], self._noises[0], options)
+        self._options = options
+        noise = self._noise_of(first)
+        starts, rough = starts_of(start, first[:2], noise, options)
+        seen, noises = with_velocities(options, first[None], noise[None])
+        self._seen = np.full((lag + 1, seen.shape[1]), np.nan)
+        self._noises = np.tile(noises, (lag + 1, 1))
         self._walk = LatticeWalk(starts, most, self.model)
-        self._smoother = smoother_of(options, self._positions, self._noises, rough)
+        self._smoother = smoother_of(options, self._seen, self._noises, rough)
         self._arrays = self._walk.arrays(lag + 1)
         # 1 at ticks with a measurement.
         self._measured = np.zeros(lag + 1)
@@ -84,13 +94,14 @@ class FixedLagSmoother:
         """Advance by one tick with a measurement like the first one, NaN if there is none; return
         what is known of the tick `lag` ticks ago, None if there is no such tick.
         """
-        for array in (self._positions, self._noises, self._measured, *self._arrays):
+        for array in (self._seen, self._noises, self._measured, *self._arrays):
             array[:-1] = array[1:]
-        self._positions[-1], self._noises[-1] = row[:2], self._noise_of(row)
+        now = with_velocities(self._options, row[None], self._noise_of(row)[None])
+        self._seen[-1], self._noises[-1] = now[0][0], now[1][0]
         self._measured[-1] = not math.isnan(row[0])
         end = BY_LAW if self._walk.ticks else 0.0
         self._walk.extend(row[None], np.full(1, end), *(array[-1:] for array in self._arrays))
-        if self._walk.ticks < len(self._positions):
+        if self._walk.ticks < len(self._seen):
             return None
         arrays = [array.reshape(-1) for array in self._arrays]
         lattice = self._walk.lattice(self._offsets, arrays, self._ends)

@@ -35,6 +35,7 @@ from hybrid_env.compiled import compiled, run_compiled
 from hybrid_env.live import TRIANGLE
 from hybrid_env.noises import StudentNoise
 from hybrid_env.quickest_options import QuickestOptions
+from hybrid_env.sensors import Sensor
 
 # Share of the process noise of a recording, found or given, by which modes are decided: a noise
 # that was found also covers brakes, and turns that begin gradually. It was chosen for simulated
@@ -82,7 +83,8 @@ def smooth_modes(
 
     Args:
         measurements: (T, 2) positions [m], NaN where there is none. With sensors (T, 9): position,
-            its covariance xx, xy, yy over R, and range rates, see `hybrid_env.sensors.Fused`.
+            its covariance xx, xy, yy over R, and range rates and velocities, see
+            `hybrid_env.sensors.Fused`.
         options: of the environment whose model is assumed: modes, noises, durations, transitions,
             and as `likelihood` normal errors or Student's t. The speed is roughly its own.
         start: estimate (4,) [x, vx, y, vy] and covariance (4, 4) one tick before the first
@@ -135,7 +137,7 @@ def smooth_modes(
     probabilities, log_likelihood = smooth_lattice(lattice, model), lattice.evidence
     # It is larger than all else of a long recording.
     del lattice
-    smoother = smoother_of(options, values[:, :2].copy(), noises, rough)
+    smoother = smoother_of(options, *with_velocities(options, values, noises), rough)
     if switches is None:
         arguments = probabilities, measured, options, smoother, process_share
         pieces, moments, smoothed = _find_pieces(*arguments)
@@ -238,12 +240,24 @@ def _freedom(options: QuickestOptions) -> float:
     return float(likelihood.freedom) if isinstance(likelihood, StudentNoise) else 0.0
 
 
+def with_velocities(
+    options: QuickestOptions, rows: FloatArray, noises: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return what a `PieceSmoother` reads of rows, see `smooth_modes`: their positions, and the
+    velocities if the only sensor measures them, with their noises; range rates are not used.
+    """
+    sensor = options.sensors[0] if len(options.sensors) == 1 else None
+    if isinstance(sensor, Sensor) and sensor.velocity_variance and rows.shape[1] > 2:
+        return rows[:, [0, 1, 5, 6]], np.insert(noises, 3, sensor.velocity_variance, axis=1)
+    return rows[:, :2].copy(), noises
+
+
 def smoother_of(
-    options: QuickestOptions, positions: FloatArray, noises: FloatArray, start: Moments
+    options: QuickestOptions, measurements: FloatArray, noises: FloatArray, start: Moments
 ) -> PieceSmoother:
     """Return the smoother for an environment; the arguments are those of `PieceSmoother`."""
     return PieceSmoother(
-        positions,
+        measurements,
         noises,
         start,
         options.motions,

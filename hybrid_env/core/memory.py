@@ -81,17 +81,23 @@ SENSOR = np.dtype(
         # Of a coordinate or the range [m]; R over its square.
         ("deviation", np.float64),
         ("precision", np.float64),
-        # [rad], 0 is a position sensor; [m/s].
+        # [rad], 0 is a position sensor.
         ("bearing_deviation", np.float64),
-        ("rate_deviation", np.float64),
-        # Of the range rate in `MEASURED`, -1 without one; [ticks].
+        # Whether it measures a position.
+        ("places", np.bool_),
+        # First row of `rates` in `MEASURED`, and number of them; what they are, see `polar`, and
+        # their deviations [m, rad, m/s].
         ("rate_row", np.int64),
+        ("rates", np.int64),
+        ("kinds", np.int64, 2),
+        ("deviations", np.float64, 2),
+        # [ticks]
         ("period", np.int64),
     ]
 )
 """A sensor; see `hybrid_env.sensors`."""
 
-# Radars of a list that measure the range rate.
+# Numbers beside positions that the sensors of a list measure.
 MOST_RATES = 4
 
 MEASURED_FIELDS = {
@@ -99,7 +105,7 @@ MEASURED_FIELDS = {
     "measurement": (float, 2),
     # Covariance xx, xy, yy of the fused measurement over R.
     "noise": (float, 3),
-    # Range rates of the sensors with one [m/s], NaN if not measured.
+    # What sensors measure beside positions, see `polar`, NaN if not measured.
     "rates": (float, MOST_RATES),
 }
 # What the sensors measure in a tick.
@@ -201,6 +207,8 @@ MOTION = np.dtype(
         ("own_noise", np.bool_),
         # Else it is straight motion or a turn of a radius.
         ("linear", np.bool_),
+        # Whether the object has no velocity: that in the state is the one with which it moves on.
+        ("stands", np.bool_),
     ],
     align=True,
 )

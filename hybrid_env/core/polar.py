@@ -1,4 +1,5 @@
-"""Range, bearing and range rate of a radar, and their conversion to a position.
+"""What a sensor measures of an object: range, bearing and range rate of a radar, velocities, and
+the conversion of range and bearing to a position.
 
 The converted position is the mean of the true one given the measurement, with its covariance: Duan,
 Han & Li 2004, "Comments on 'Unbiased converted measurements for tracking'". It is exp(-s^2 / 2)
@@ -15,6 +16,21 @@ from hybrid_env.core.compilation import formula, inlined
 Position = tuple[float, float, float, float, float]
 Information = tuple[float, float, float, float, float]
 """Inverse covariance xx, xy, yy, and its product with the error x, y."""
+
+
+RANGE_RATE, VELOCITY_X, VELOCITY_Y, RANGE, BEARING = range(5)
+
+
+@formula
+def measured_value(kind: int, x: float, y: float, u: float, v: float) -> float:
+    """Return what a sensor measures of a position relative to it [m] with a velocity [m/s]."""
+    if kind == RANGE_RATE:
+        return range_rate(x, y, u, v)
+    if kind == RANGE:
+        return math.hypot(x, y)
+    if kind == BEARING:
+        return math.atan2(y, x)
+    return u if kind == VELOCITY_X else v
 
 
 @formula

@@ -20,7 +20,7 @@ from hybrid_env.core.motion import (
     turn_centre,
 )
 from hybrid_env.core.noise import LOST, draw_noise, draw_normals, uniform
-from hybrid_env.core.polar import add_information, fused_position, range_rate, to_position
+from hybrid_env.core.polar import add_information, fused_position, measured_value, to_position
 from hybrid_env.core.vectors import Vector, combination, product
 
 SIGNED_RADIUS, MODE, LENGTH = range(len(SEGMENT_COLUMNS))
@@ -170,14 +170,16 @@ def _sense(
         measures = measures and not (setting.missed > 0.0 and noise[LOST, lane] < setting.missed)
         noise_x = noise[2, lane]
         noise_y = noise[3, lane]
-        if sensor.rate_row >= 0:
+        if sensor.rates > 0:
             draw_noise(block.random_state, noise, first, last, setting)
-            rate = (
-                range_rate(x, y, truth[1, lane], truth[3, lane])
-                + sensor.rate_deviation * noise[2, lane]
-            )
-            block.rates[sensor.rate_row, lane] = rate if measures else np.nan
-        if not measures:
+            u, v = truth[1, lane], truth[3, lane]
+            if motions is not None and motions[block.true_mode[lane]].stands:
+                u, v = 0.0, 0.0
+            for k in range(sensor.rates):
+                value = measured_value(sensor.kinds[k], x, y, u, v)
+                value += sensor.deviations[k] * noise[2 + k, lane]
+                block.rates[sensor.rate_row + k, lane] = value if measures else np.nan
+        if not (measures and sensor.places):
             continue
         if sensor.bearing_deviation > 0.0:
             along_x, along_y = (x / distance, y / distance) if distance > 0.0 else (1.0, 0.0)

@@ -20,12 +20,14 @@ class Road:
     The default takes about half an hour on one core.
     """
 
-    agents: Annotated[tuple[str, ...], tyro.conf.Positional] = ("shipped",)
-    """Agents: 'shipped', run folders or models."""
+    agents: Annotated[tuple[str, ...], tyro.conf.Positional] = ("robust", "shipped")
+    """Agents: 'robust', 'shipped', run folders or models."""
     rules: tuple[str, ...] = study.RULES
     """Rules, whose process noise and threshold are selected."""
     banks: bool = False
     """Select the bank instead."""
+    worlds: bool = False
+    """Evaluate in environments around HybridTrackRoad-v0 instead."""
     episodes: int = 1500
     """Number of episodes of the report, six segments each."""
     selection: int = 200
@@ -35,7 +37,7 @@ class Road:
     quick: bool = False
     """Evaluate two rules and no reference that is told, on 10 episodes."""
     out: Path = Path("results")
-    """Folder for road.md, road.json and road.png, or banks.md and banks.json."""
+    """Folder for road.md, road.json and road.png, or for banks or worlds, both .md and .json."""
 
     def run(self) -> None:
         """Evaluate the deciders, print the table and write the files."""
@@ -45,6 +47,13 @@ class Road:
             save_results(self.out / "banks", study.bank_table(banks), banks)
             return
         rules = ("at-once", "msprt-type") if self.quick else self.rules
+        if self.worlds:
+            given = self.agents, rules, episodes, selection, self.jobs
+            found = {
+                name: study.evaluate(*given, changes) for name, changes in study.WORLDS.items()
+            }
+            save_results(self.out / "worlds", study.world_table(found, self.agents), found)
+            return
         rows = study.evaluate(self.agents, rules, episodes, selection, self.jobs)
         names = () if self.quick else study.TOLD
         calls = [joblib.delayed(study.told)(name, episodes, selection) for name in names]

@@ -5,7 +5,7 @@ Those of the report are smaller, and those of training larger.
 """
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,14 @@ LIKELIHOODS = ("gaussian", "student_t 50", "student_t 4")
 ALPHAS = (0.4, 0.3, 0.2, 0.15, 0.1, 0.05, 0.02, 5e-3)
 """Thresholds of error probabilities."""
 RULES = ("at-once", "ate", "sprt", "msprt", "msprt-type", "propagated", "propagated-robust")
+WORLDS: dict[str, dict[str, Any]] = {
+    "object at 1 m/s": {"speed": 1.0, "initial_error": (0.3, 1.0)},
+    "object at 4 m/s": {"speed": 4.0, "initial_error": (0.3, 16.0)},
+    "3 Q of the object": {"object_variance": (3e-4, 9e-2)},
+    "3 R, a delay costs half": {"measurement_variance": 0.3, "delay_cost": 0.01},
+    "5 % outliers, 20 % missed": {"noise": "outliers 0.05", "missed": 0.2},
+}
+"""Environments around that of the id, by what differs; no agent was trained in the last one."""
 TOLD = ("msprt-type", "shipped")
 """Deciders that are told the motion of the episode, of which the best one is the reference."""
 LEVELS = 10
@@ -75,16 +83,23 @@ def select_bank(episodes: int, jobs: int) -> list[dict[str, Any]]:
 
 
 def evaluate(
-    agents: Sequence[str], rules: Sequence[str], episodes: int, selection: int, jobs: int
+    agents: Sequence[str],
+    rules: Sequence[str],
+    episodes: int,
+    selection: int,
+    jobs: int,
+    changes: Mapping[str, Any] | None = None,
 ) -> list[dict[str, Any]]:
     """Return rows of rules and agents on the episodes of the report, in this order.
 
     Rules have the process noise and the threshold that earn most in selection, agents the bank of
-    the id. Each row has the paired difference to the best rule.
+    the id. With changed options of the id rows of the agents with selected process noise follow.
+    Each row has the paired difference to the best rule.
     """
-    banks = [{"process_variance": variance} for variance in PROCESS]
+    banks = [{**(changes or {}), "process_variance": variance} for variance in PROCESS]
     calls = [delayed(selected)(name, banks, selection) for name in rules]
-    calls += [delayed(selected)(name, [{}], selection) for name in agents]
+    for candidates in ([dict(changes or {})], banks)[: 1 if changes is None else 2]:
+        calls += [delayed(selected)(name, candidates, selection) for name in agents]
     settings = [max(found)[1] for found in in_parallel(calls, jobs, "selection")]
     made = in_parallel([delayed(scores_of)(each, episodes) for each in settings], jobs, "report")
     goal = task_of(ROAD).statistic("reward")
@@ -175,6 +190,21 @@ def markdown(rows: Sequence[dict[str, Any]]) -> str:
         )
         difference = in_brackets(row["difference"], 3, "+") if "difference" in row else "-"
         lines.append([row["decider"], *settings, in_brackets(row["reward"], 3), difference])
+    return markdown_table(heads, lines)
+
+
+def world_table(worlds: Mapping[str, Sequence[dict[str, Any]]], agents: Sequence[str]) -> str:
+    """Return a table of environments: the best rule, and agents beside it."""
+    names = [Path(name).name for name in agents]
+    heads = ["environment", "best rule", "Q", "threshold", "reward"]
+    heads += [*(f"{name} less the rule" for name in names), *(f"{name}, its Q" for name in names)]
+    lines = []
+    for world, rows in worlds.items():
+        best = max(rows[: -2 * len(names)], key=lambda row: row["reward"].value)
+        settings = (f"{best[name]:g}" for name in ("process_variance", "threshold"))
+        differences = (in_brackets(row["difference"], 3, "+") for row in rows[-2 * len(names) :])
+        reward = in_brackets(best["reward"], 3)
+        lines.append([world, best["decider"], *settings, reward, *differences])
     return markdown_table(heads, lines)
 
 

@@ -58,10 +58,33 @@ def test_a_rule_with_selected_options_is_the_best_of_them_in_selection():
     assert rewards[1] == scores.curve(task.statistic("reward"))[0]
 
 
+def test_the_robust_agent_earns_more_than_the_shipped_one():
+    task = task_of(study.ROAD)
+    robust, shipped = (
+        sweep(task, find_decider(name, task.options), 200, study.SELECTION, thresholds=(0.0,))
+        for name in ("robust", "shipped")
+    )
+
+    assert robust.difference(shipped, task.statistic("reward"), 0, 0).low > 0.0
+
+
+def test_environments_around_the_id_have_a_table(tmp_path, run_study):
+    given = "robust", "--worlds", "--quick", "--jobs", "1", "--out", str(tmp_path)
+    printed = run_study("road", *given)
+    worlds = json.loads((tmp_path / "worlds.json").read_text())
+
+    assert list(worlds) == list(study.WORLDS)
+    for name, rows in worlds.items():
+        assert [row["decider"] for row in rows] == ["at-once", "msprt-type", *2 * ["robust"]]
+        assert max(row["difference"]["value"] for row in rows[:2]) == 0.0
+        assert study.WORLDS[name].keys() <= rows[0].keys()
+        assert printed.count(f"| {name} | ") == 1
+
+
 def test_the_quick_form_compares_agents_and_rules(tmp_path, run_study):
     printed = run_study("road", "--quick", "--jobs", "1", "--out", str(tmp_path))
     rows = json.loads((tmp_path / "road.json").read_text())
 
     assert (tmp_path / "road.md").read_text() in printed
-    assert [row["decider"] for row in rows] == ["at-once", "msprt-type", "shipped"]
+    assert [row["decider"] for row in rows] == ["at-once", "msprt-type", "robust", "shipped"]
     assert max(row["difference"]["value"] for row in rows[:2]) == 0.0

@@ -8,7 +8,8 @@ the anchor agent. Half of the segments are decided by the agent in training, so 
 those which follow its own declarations.
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -35,6 +36,9 @@ class StoppingSettings(WorldsSettings):
     delay_costs: tuple[float, float] = (0.003, 0.05)
     # Largest number of ticks between decisions; half of the environments have one from 1 on.
     most_ticks: Count = 12
+    # Bounds of factors on numbers among the options, by their names; three quarters of the
+    # environments have one drawn for each of them, uniform in its logarithm.
+    factors: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     # Agent whose networks are used, with as many hidden units; or its run folder.
     agent: str = "shipped"
 
@@ -58,11 +62,23 @@ class Stopping(WorldsAlgorithm):
             raise ArgumentError(f"agent={self.settings.agent}: expected {allowed}") from None
         return network
 
+    def prepare(self) -> None:
+        """See `WorldsAlgorithm.prepare`; refuse factors on options that are no numbers."""
+        super().prepare()
+        for name in self.settings.factors:
+            for world, _ in self._fixed:
+                if np.asarray(getattr(world, name, None)).dtype.kind not in "fi":
+                    raise ArgumentError(f"factors={name}: expected an option that is a number")
+
     def changed_world(self, world: WorldOptions, generator: np.random.Generator) -> WorldOptions:
         """See `WorldsAlgorithm.changed_world`: half of the environments have another delay cost,
-        and half of them other ticks between decisions.
+        half of them other ticks between decisions, and three quarters other numbers.
         """
         changes: dict[str, Any] = {}
+        if self.settings.factors and generator.random() < 0.75:
+            for name, bounds in self.settings.factors.items():
+                factor = log_uniform(generator, *bounds)
+                changes[name] = np.multiply(getattr(world, name), factor)
         if generator.random() < 0.5:
             costs = self.settings.delay_costs
             changes["delay_cost"] = float(log_uniform(generator, min(costs), max(costs)))

@@ -7,6 +7,7 @@ import torch
 from agents import load_recipe
 from agents.training.runs import make_run
 from baselines.rules.rollout import record_decisions
+from hybrid_env import ArgumentError
 from studies.shipped.stopping import expected_reward, paths_of
 from studies.shipped.test_shipped import KINDS, small_run
 
@@ -63,6 +64,28 @@ def test_training_of_the_stop_leaves_the_anchor_agent_as_it_is():
 
     assert changed
     assert all("stopping" in name for name in changed)
+
+
+def test_factors_change_numbers_among_the_options_within_their_bounds():
+    changes = ("factors={speed: [0.5, 2.0], initial_error: [0.1, 0.2]}", *ALONE)
+    run = make_run(ENV, {}, load_recipe("studies/shipped/stopping.yml", ENV, changes))
+    generator = np.random.default_rng(2)
+    drawn = [run.changed_world(run.world, generator) for _ in range(60)]
+    speeds = {world.speed for world in drawn} - {run.world.speed}
+
+    assert 30 < len(speeds) < 60
+    assert 1.0 <= min(speeds) < 1.3 < 3.0 < max(speeds) <= 4.0
+    for world in drawn:
+        position, velocity = np.divide(world.initial_error, run.world.initial_error)
+        assert position == pytest.approx(velocity)
+        assert position == 1.0 or 0.1 <= position <= 0.2
+
+
+@pytest.mark.parametrize("name", ["noise", "object_variance", "sped"])
+def test_factors_are_for_options_that_are_numbers(name):
+    changes = (f"factors={{{name}: [0.5, 2.0]}}", *ALONE)
+    with pytest.raises(ArgumentError, match=f"factors={name}"):
+        make_run(ENV, {}, load_recipe("studies/shipped/stopping.yml", ENV, changes))
 
 
 @pytest.mark.study

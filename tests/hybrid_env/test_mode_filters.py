@@ -27,6 +27,7 @@ ANNOUNCED = {
                 rate_deviation=0.3,
                 position=(0.0, -60.0),
             ),
+            Sensor(variance=2.0, velocity_variance=0.04),
         ),
     },
 }

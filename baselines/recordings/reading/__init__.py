@@ -1,4 +1,4 @@
-"""Reading of recordings: CSV, TSV, Parquet, GPX, TCX, KML, GeoJSON, NMEA and IGC files.
+"""Reading of recordings: CSV, TSV, Parquet, GPX, TCX, KML, GeoJSON, NMEA, AIS and IGC files.
 `read.read_recordings` is the entry.
 
 `files` finds the kind of a file by its content and makes a `table` of its cells, `nested` those of

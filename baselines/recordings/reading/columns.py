@@ -9,6 +9,8 @@ from baselines.recordings.reading.values import parted_places
 from hybrid_env.checks import ArgumentError, reject
 
 MODE = (("mode",),)
+# Of a measured velocity; the first ones that a file has are read.
+MOTIONS = (("vx", "vy"), ("speed", "course"), ("speed", "heading"), ("speed", "bearing"))
 
 
 def find_columns(
@@ -22,7 +24,7 @@ def find_columns(
 
     Args:
         table: cells of the file.
-        columns: name or number from 1 of the column of a role.
+        columns: name or number from 1 of the column of a role, `none` to read no such column.
         object_column: the same of the column that tells objects apart, `none` without one.
         axes: groups of roles, of which one is a position; or `MODE`, for a file of modes.
 
@@ -32,6 +34,7 @@ def find_columns(
     given = {
         "time" if role == "t" else role: numbered_column(table, "columns", str(name))
         for role, name in (columns or {}).items()
+        if name != ONE_OBJECT
     }
     example = " ".join(f"{role}={number}" for number, role in enumerate(axes[0], start=2))
     hint = f"name them by --columns, for example --columns time=1 {example}"
@@ -43,7 +46,8 @@ def find_columns(
     found: dict[str, list[int]] = {}
     for k in sorted({*range(count)} - {*roles.values()}):
         named = role_of(table.names[k])
-        if named is not None and table.frame[k].notna().any():
+        without = (columns or {}).get(named or "") == ONE_OBJECT
+        if named is not None and not without and table.frame[k].notna().any():
             found.setdefault(named, []).append(k)
     known = {*roles, *found}
     if "position" in roles or (
@@ -66,8 +70,10 @@ def find_columns(
         raise ArgumentError(f"{table.file}: no columns {wanted} ({table.listed()}): {hint}")
     # Metres on a plane are more exact than the degrees beside them.
     pair = max(pairs, key=lambda pair: {*given} >= {*pair})
+    motion = next((pair for pair in MOTIONS if {*roles, *found} >= {*pair}), ())
     kept = [
         *pair,
+        *motion,
         "z",
         "zone",
         "position",

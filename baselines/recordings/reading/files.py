@@ -19,11 +19,17 @@ import pyarrow.parquet
 
 from baselines.recordings.reading.igc import is_igc, parse_igc
 from baselines.recordings.reading.names import role_of
-from baselines.recordings.reading.nested import POINTS, rows_of_json, rows_of_nmea, rows_of_xml
+from baselines.recordings.reading.nested import (
+    POINTS,
+    rows_of_ais,
+    rows_of_json,
+    rows_of_nmea,
+    rows_of_xml,
+)
 from baselines.recordings.reading.table import Table
 from hybrid_env.checks import ArgumentError, reject
 
-KINDS = "a CSV, TSV, Parquet, GPX, TCX, KML, GeoJSON, NMEA or IGC file"
+KINDS = "a CSV, TSV, Parquet, GPX, TCX, KML, GeoJSON, NMEA, AIS or IGC file"
 
 
 @dataclass(frozen=True)
@@ -77,9 +83,8 @@ def read_table(path: str | os.PathLike[str]) -> Table:
     log = parse_igc(file, content)
     # A for a position in three dimensions, V for none or one in two.
     valid = [record[24:25].decode() for record in log.records]
-    frame = pd.DataFrame(
-        {"time": log.times, "lat": log.latitudes, "lon": log.longitudes, "valid": valid}
-    )
+    places = {"lat": log.latitudes, "lon": log.longitudes, "altitude_m": log.altitudes}
+    frame = pd.DataFrame({"time": log.times, **places, "valid": valid})
     return Table(file, _numbered(frame), notes=[*log.notes])
 
 
@@ -175,10 +180,14 @@ def _read_text(content: bytes, file: str) -> Table:
         table = Table(file, cells, notes=notes)
         table.leave_out("sentences with a wrong checksum", wrong)
         return table
+    if head.str.contains(r"!..VD[MO],").any():
+        cells, wrong = rows_of_ais(filled, file)
+        table = Table(file, cells, notes=notes)
+        table.leave_out("sentences with a wrong checksum", wrong)
+        return table
     # Texts that are no tables, and what makes tables of them.
     unreadable = {
         "$GP": "NMEA without sentences RMC or GGA, which have times of positions",
-        "!AIVDM,": "AIS sentences have no dates: decode them to CSV, for example by pyais",
         "Type,Local Number,Message,": (
             "rows of fields of FitCSVTool: write a table by its options -b and --data record, and"
             " read the file that ends in _data.csv"

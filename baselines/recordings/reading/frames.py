@@ -60,19 +60,24 @@ def frame_of(
 
 
 def turned(values: FloatArray, frame: str | None) -> tuple[FloatArray, str]:
-    """Return positions (n, 2) with x east and y north, those of the frame `ecef` as longitude and
-    latitude [deg], and what is said of it.
+    """Return positions (n, 2) with x east and y north, or with altitudes (n, 3), those of the frame
+    `ecef` as longitude and latitude [deg], and what is said of it.
     """
     if frame == "ecef":
         place = pyproj.Transformer.from_crs("EPSG:4978", "EPSG:4979", always_xy=True)
-        degrees = np.column_stack(place.transform(*values.T)[:2])
+        degrees = np.column_stack(place.transform(*values.T))
         degrees[~np.isfinite(degrees)] = np.nan
         return degrees, "x, y and z are earth-centred (ECEF)"
     if frame == "ned":
-        return values[:, 1::-1], "x is north and y is east (NED), written as x east and y north"
+        axes = [1, 0, 2][: values.shape[1]]
+        down = [1.0, 1.0, -1.0][: values.shape[1]]
+        return values[
+            :, axes
+        ] * down, "x is north and y is east (NED), written as x east and y north"
     if frame == "image":
-        return values[:, :2] * [1.0, -1.0], "y points down (pixels), written with the other sign"
-    return values[:, :2], "" if frame else "x east, y north is assumed: left is counter-clockwise"
+        down = [1.0, -1.0, 1.0][: values.shape[1]]
+        return values * down, "y points down (pixels), written with the other sign"
+    return values, "" if frame else "x east, y north is assumed: left is counter-clockwise"
 
 
 def of_zones(table: Table, zones: pd.Series, values: FloatArray) -> FloatArray | None:

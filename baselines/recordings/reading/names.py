@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from hybrid_env.checks import reject
 
-# Value of --object for a file with one object.
+# Value of --object for a file with one object, and of --columns for a role that is not read.
 ONE_OBJECT = "none"
 # Rows of the results of a recording, as CSV and as Parquet.
 ROW_FILES = ("estimates.csv", "estimates.parquet")
@@ -38,7 +38,12 @@ ROLES = {
         " position_north x_north y_north north_y"
     ),
     # Of earth-centred, earth-fixed positions; otherwise the altitude.
-    "z": "z pos_z z_pos posz position_z z_position pz ecef_z z_ecef z_ned ned_z",
+    "z": (
+        "z pos_z z_pos posz position_z z_position pz ecef_z z_ecef z_ned ned_z alt altitude"
+        " altitudes ele elevation height altitude_meters geoaltitude geo_altitude baroaltitude"
+        " baro_altitude alt_geom alt_baro gps_altitude gps_alt altitude_msl amsl msl flight_level"
+        " fl höhe hoehe altura altitud hauteur quota hoogte wysokosc высота 高度 海拔"
+    ),
     # Latitude and longitude in one cell.
     "position": (
         "position positions pos coordinate coordinates coords location latlon latlng lat_lon"
@@ -62,6 +67,24 @@ ROLES = {
     "range": "range rng rho distance slant_range measured_range",
     "bearing": "bearing brg azimuth az measured_bearing",
     "rate": "range_rate rangerate doppler radial_velocity radial_speed rdot",
+    "vx": (
+        "vx v_x vel_x velocity_x x_velocity speed_x xvel x_vel xdot ve v_e vel_e velocity_e"
+        " velocity_east vel_east east_velocity v_east veast"
+    ),
+    "vy": (
+        "vy v_y vel_y velocity_y y_velocity speed_y yvel y_vel ydot vn v_n vel_n velocity_n"
+        " velocity_north vel_north north_velocity v_north vnorth"
+    ),
+    "speed": (
+        "speed sog speed_over_ground ground_speed groundspeed gs gspeed velocity spd speed_kmh"
+        " speed_knots speed_kn speed_ms gps_speed enhanced_speed speedoverground gnd_spd speed_2d"
+    ),
+    "course": (
+        "course cog course_over_ground track true_track track_angle ground_track direction angle"
+        " gps_course courseoverground track_deg cog_deg"
+    ),
+    # Where the object points to; used where nothing says where it goes.
+    "heading": "heading hdg true_heading gps_heading heading_deg",
     "object": (
         "object object_id obj obj_id id track_id trackid target target_id vehicle vehicle_id agent"
         " agent_id ship ship_id mmsi icao24 icao hex callsign flight flight_id individual"
@@ -85,7 +108,10 @@ ROLES = {
 }
 """Names of the columns of each role, in lower case and joined by underscores."""
 
-GIVEN_ROLES = ("time", "date", "x", "y", "z", "lat", "lon", "position", "range", "bearing", "rate")
+GIVEN_ROLES = (
+    *("time", "date", "x", "y", "z", "lat", "lon", "position", "range", "bearing", "rate"),
+    *("vx", "vy", "speed", "course"),
+)
 """Roles of --columns."""
 
 VOID = "valid", "dilution"

@@ -1,4 +1,4 @@
-"""Rows of files in which positions are nested: XML, JSON and sentences of NMEA."""
+"""Rows of files in which positions are nested: XML, JSON, and sentences of NMEA and AIS."""
 
 import functools
 import json
@@ -7,6 +7,7 @@ import re
 from typing import Any
 from xml.etree import ElementTree
 
+import numpy as np
 import pandas as pd
 
 from baselines.recordings.reading.names import role_of
@@ -28,7 +29,7 @@ def rows_of_xml(text: str, file: str) -> pd.DataFrame:
     outer: dict[str, Any] = {"segment": 0}
     tracks = 0
     # Roles of what stands inside of them.
-    wanted = "time", "lat", "lon", "valid", "dilution"
+    wanted = "time", "lat", "lon", "z", "speed", "course", "valid", "dilution"
     for element in root.iter():
         kind = _plain(element.tag)
         if kind in ("trk", "Placemark"):
@@ -62,7 +63,7 @@ def _placed(track: ElementTree.Element) -> list[dict[str, str | None]]:
     times = [time.text for time in track.iterfind("{*}when")]
     places = [(place.text or "").split() for place in track.iterfind("{*}coord")]
     return [
-        {"time": time, "lon": place[0], "lat": place[1]}
+        {"time": time} | dict(zip(("lon", "lat", "altitude"), place, strict=False))
         for time, place in zip(times, places, strict=False)
         if len(place) > 1
     ]
@@ -101,10 +102,11 @@ def _rows(feature: dict[str, Any], name: str) -> list[dict[str, Any]]:
         return [feature]
     properties, places = feature["properties"], geometry["coordinates"]
     if geometry["type"] == "Point":
-        return [properties | {"lon": places[0], "lat": places[1]}]
+        return [properties | dict(zip(("lon", "lat", "altitude"), places, strict=False))]
     times = properties.get("coordTimes") or properties["coordinateProperties"]["times"]
     return [
-        {"time": time, "lon": place[0], "lat": place[1], "track_id": properties.get("name", name)}
+        {"time": time, "track_id": properties.get("name", name)}
+        | dict(zip(("lon", "lat", "altitude"), place, strict=False))
         for place, time in zip(places, times, strict=True)
     ]
 
@@ -129,3 +131,37 @@ def rows_of_nmea(lines: "pd.Series[str]") -> tuple[pd.DataFrame, pd.Index]:
         dates = cells.pop("date").str.replace(r"(..)(..)(..)", r"20\3-\2-\1T", regex=True)
         cells["time"] = dates + cells["time"].str.replace(r"^(..)(..)", r"\1:\2:", regex=True)
     return cells.where(cells != ""), found.index[~right]
+
+
+def rows_of_ais(lines: "pd.Series[str]", file: str) -> tuple[pd.DataFrame, pd.Index]:
+    """Return the reports of positions in a log of AIS, and the lines of those that are damaged.
+
+    A line has a sentence and the time of its reception, in a tag block, before or after it.
+    """
+    # Other commands start faster.
+    import pyais
+
+    before = r"^(?:\\.*?\bc:([\d.]+).*?\\|(.*?)[\s,;]*)"
+    # All reports of positions fit in one sentence.
+    sentence = r"(!..VD[MO],1,1,[^*]*\*[0-9A-Fa-f]{2})"
+    found = lines.str.extract(before + sentence + r"[\s,;]*(.*)$").dropna(subset=2)
+    times = found[[0, 1, 3]].replace("", np.nan).bfill(axis=1)[0]
+    if times.isna().mean() > 0.5:
+        raise ArgumentError(f"{file}: AIS sentences without times of reception: record these too")
+    rows, damaged = [], []
+    for line, time, text in zip(found.index, times, found[2], strict=True):
+        try:
+            report: dict[str, Any] = pyais.decode(text, error_if_checksum_invalid=True).asdict()
+        except pyais.exceptions.AISBaseException:
+            damaged.append(line)
+            continue
+        # Other messages have none; these numbers say that nothing is known.
+        if {"lat", "speed"} <= report.keys() and abs(report["lat"]) <= 90.0:
+            speed = report["speed"] if report["speed"] < 102.2 else None
+            course = report["course"] if report["course"] < 360.0 else None
+            row = {"time": time, "mmsi": report["mmsi"], "lat": report["lat"], "lon": report["lon"]}
+            rows.append((line, row | {"sog": speed, "cog": course}))
+    if not rows:
+        raise ArgumentError(f"{file}: AIS sentences without reports of positions")
+    numbers, cells = zip(*rows, strict=True)
+    return pd.DataFrame(cells, numbers).astype(object), pd.Index(damaged)

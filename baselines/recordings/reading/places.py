@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 
 from baselines.recordings.reading import cleaning
+from baselines.recordings.reading.columns import MOTIONS
 from baselines.recordings.reading.frames import frame_of, of_zones, turned
 from baselines.recordings.reading.names import DEGREES, VOID, role_of, split_unit
 from baselines.recordings.reading.table import Table
@@ -17,6 +18,7 @@ from baselines.recordings.reading.values import (
     parse_numbers,
     texts_of,
 )
+from baselines.recordings.reading.velocities import METRES
 from baselines.recordings.scatter import noise_deviations
 from hybrid_env.checks import ArgumentError, BoolArray, FloatArray, IntArray, reject
 from hybrid_env.sensors import Radar
@@ -35,10 +37,14 @@ class Places(NamedTuple):
     unit: str | None
     # Whether `values` are degrees.
     degrees: bool = False
+    # (n,) above each other, in the unit of the positions; NaN where there is none.
+    altitudes: FloatArray | float = np.nan
     # That measured them.
     radar: Radar | None = None
-    # (n,) its range rates.
-    rates: FloatArray | None = None
+    # (n, k) its range rate, or of other positions the columns of a velocity.
+    rates: FloatArray = np.empty((0, 0))
+    # Whether these are speed and course.
+    polar: bool = False
 
 
 def check_readable(table: Table, column: int, wrong: BoolArray, allowed: str) -> None:
@@ -53,8 +59,8 @@ def read_positions(
 ) -> Places:
     """Parse the columns of the positions; a unit or frame of None is that of the header."""
     degrees = "lat" in roles
-    names = ("lon", "lat") if degrees else ("x", "y", "z") if "z" in roles else ("x", "y")
-    axes = [roles[role] for role in names]
+    names = ("lon", "lat") if degrees else ("x", "y")
+    axes = [roles[role] for role in (*names, "z") if role in roles]
     of_x, of_y = (split_unit(table.names[column])[1] for column in axes[:2])
     for name, value, allowed in (("unit", unit, (None, "m", *DEGREES)), ("frame", frame, (None,))):
         if degrees and value not in allowed:
@@ -70,7 +76,7 @@ def read_positions(
     values = np.empty((len(table.frame), len(axes)))
     wrong = np.zeros(len(values), np.bool_)
     for k, column in enumerate(axes):
-        parse = parse_angles if degrees else parse_numbers
+        parse = parse_angles if degrees and k < 2 else parse_numbers
         values[:, k], unread, comma = parse(table.frame[column], thousands)
         if k < 2:
             form = "numbers, or --thousands with the mark between them"
@@ -78,14 +84,21 @@ def read_positions(
             wrong |= unread
         table.notes += ["decimal comma"] * comma
     if degrees:
-        values = _degrees(table, roles, values[:, :2], of_x)
+        values[:, :2] = _degrees(table, roles, values[:, :2], of_x)
     else:
         values, degrees = _on_the_plane(table, roles, values, unit, frame)
+    unit = "m" if degrees else unit
+    altitudes = _altitudes(table, roles, values, unit)
+    values = values[:, :2]
     wrong |= (np.abs(values) > ([360.0, 90.0] if degrees else 1e12)).any(axis=1)
     values[wrong] = np.nan
     wrong |= cleaning.fill_values(values)
     values[wrong] = np.nan
-    return Places(values, wrong, _void_rows(table), "m" if degrees else unit, degrees)
+    motion = next((pair for pair in MOTIONS if roles.keys() >= {*pair}), ())
+    columns = [parse_numbers(table.frame[roles[role]], thousands)[0] for role in motion]
+    rates = np.reshape(columns, (len(columns), len(values))).T
+    void, polar = _void_rows(table), motion[:1] == ("speed",)
+    return Places(values, wrong, void, unit, degrees, altitudes, rates=rates, polar=polar)
 
 
 def _degrees(
@@ -110,20 +123,41 @@ def _degrees(
 def _on_the_plane(
     table: Table, roles: dict[str, int], values: FloatArray, unit: str | None, frame: str | None
 ) -> tuple[FloatArray, bool]:
-    """Return positions (n, 2) with x east and y north, and whether they are degrees now."""
+    """Return positions (n, 2), or with altitudes (n, 3), with x east and y north, and whether they
+    are degrees now.
+    """
     scale = 1e3 if unit == "km" else 1.0
     found = frame_of(table, roles, values * scale, frame, str(unit).startswith(("px", "pixel")))
     if "zone" in roles:
         degrees = of_zones(table, texts_of(table.frame[roles["zone"]]), values[:, :2] * scale)
         if degrees is not None:
             table.notes.append("UTM positions of several zones")
-            return degrees, True
+            return np.hstack([degrees, values[:, 2:]]), True
     values, said = turned(values * scale if found == "ecef" else values, found)
     table.notes += [said] * bool(said)
-    if found != "ecef":
-        # An altitude.
-        roles.pop("z", None)
+    if found == "ecef":
+        # Metres now.
+        table.names[roles["z"]] = "z_m"
     return values, found == "ecef"
+
+
+def _altitudes(
+    table: Table, roles: dict[str, int], values: FloatArray, unit: str | None
+) -> FloatArray | float:
+    """Return altitudes (n,) in the unit of the positions, from the third column of these, NaN
+    without one.
+    """
+    if "z" not in roles or not np.isfinite(values[:, 2]).any():
+        roles.pop("z", None)
+        return np.nan
+    name, own = split_unit(table.names[roles["z"]])
+    own = "flight level" if name in ("fl", "flight_level") else own
+    heights = {**METRES, "flight level": 30.48}
+    if own is None and unit == "m":
+        table.notes.append(f"{table.label(roles['z'])!r} taken as altitude in m (name it ..._ft)")
+    # What is not known is the unit of the positions.
+    own = own if own in heights else unit or "m"
+    return values[:, 2] * heights.get(own, 1.0) / heights.get(unit or "m", 1.0)
 
 
 def _void_rows(table: Table) -> BoolArray:
@@ -182,7 +216,8 @@ def read_polar(
     if radar is None:
         radar = _found_radar(table, times.seconds, rows, rows_of, length or "units")
     positions = np.array([radar.located(row)[:2] for row in rows])
-    return Places(positions, wrong, _void_rows(table), length, False, radar, *rates)
+    speeds = np.reshape(rates, (len(rates), len(rows))).T
+    return Places(positions, wrong, _void_rows(table), length, radar=radar, rates=speeds)
 
 
 def _found_radar(

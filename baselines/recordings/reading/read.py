@@ -20,6 +20,7 @@ from baselines.recordings.reading.places import Places, check_readable, read_pol
 from baselines.recordings.reading.summary import summary
 from baselines.recordings.reading.table import Table
 from baselines.recordings.reading.values import Times, parse_times
+from baselines.recordings.reading.velocities import find_velocities
 from baselines.recordings.recording import Recording, dates_since, iso_texts, make_recording
 from hybrid_env.checks import ArgumentError, IntArray, reject
 from hybrid_env.sensors import Radar
@@ -68,7 +69,9 @@ def read_recordings(
     Args:
         path: the file.
         columns: name or number (from 1) of the column of each of `time`, `date`, `x`, `y`, `lat`,
-            `lon`, or `position` for both in one cell; None finds them by their names.
+            `lon`, or `position` for both in one cell, and of a measured velocity `vx` and `vy` or
+            `speed` and `course`; None finds them by their names. A velocity is used if it agrees
+            with the positions, which also say its unit.
         object_column: column that tells several objects apart; `none` for a file with one object;
             None finds it by its name.
         unit: unit of x and y; `deg` for longitude and latitude; None takes it from the header.
@@ -107,10 +110,11 @@ def read_recordings(
             "time": times.seconds,
             "x": places.values[:, 0],
             "y": places.values[:, 1],
+            "altitude": places.altitudes,
             "wrong": places.wrong,
             "void": places.void,
             "cell": times.cells,
-            "rate": places.rates,
+            **{f"rate{k}": column for k, column in enumerate(places.rates.T)},
             "segment": table.segments,
         },
         table.frame.index,
@@ -261,9 +265,8 @@ def _recording(
     distance, jumps = cleaning.jumps_between_places(rows.dropna(subset=axes))
     rows = cleaning.rows_of_times(table, rows)
     measured = rows.dropna(subset=axes)
-    if places.unit is None and cleaning.look_like_degrees(
-        measured.time.to_numpy(), measured[axes].to_numpy()
-    ):
+    seen = measured.time.to_numpy(), measured[axes].to_numpy()
+    if places.unit is None and len(measured) > 1 and cleaning.look_like_degrees(*seen):
         raise ArgumentError(
             f"{table.file}: x and y of {name} look like degrees: --unit deg for longitude x and"
             " latitude y, or --unit m for a plane"
@@ -283,9 +286,20 @@ def _recording(
     if cleaning.lost(table) - already > 0.5 * total and not single:
         causes = cleaning.causes(table)
         raise ArgumentError(f"{table.file}: more than half of {name} is left out: {causes}")
+    times_of_rows, positions = rows.time.to_numpy(), rows[axes].to_numpy()
+    rates = rows[[name for name in rows if str(name).startswith("rate")]].to_numpy()
+    if places.radar is None and rates.shape[1] == 2:
+        rates, note = find_velocities(times_of_rows, positions, rates, places.polar, places.unit)
+        table.notes.append(note)
+        rates = rates if np.isfinite(rates).any() else rates[:, :0]
+    altitudes = rows.altitude.to_numpy()
+    different = len(np.unique(altitudes[np.isfinite(altitudes)]))
+    if different == 1:
+        table.notes.append("all altitudes are the same and say nothing")
     return make_recording(
-        rows.time.to_numpy(),
-        rows[axes].to_numpy(),
+        times_of_rows,
+        positions,
+        altitudes=altitudes if different > 1 else None,
         name=name,
         gap=gap,
         # Reception was lost, or the logger was switched off.
@@ -295,7 +309,7 @@ def _recording(
         epoch=times.epoch,
         projection=projection,
         radar=places.radar,
-        rates=None if places.rates is None else rows.rate.to_numpy(),
+        rates=rates,
         lines=rows.index.to_numpy(),
         time_cells=None if times.cells is None else rows.cell.to_numpy(),
     )

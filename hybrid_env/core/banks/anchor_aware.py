@@ -184,7 +184,7 @@ def _step_by_sensors(
     for lane in range(first, last):
         before = read_filter(kalman, lane)
         moved = _predicted(before, motion, model)
-        after = correct_by_sensors(before, moved, measured, lane, sensors, model)
+        after = correct_by_sensors(before, moved, motion, measured, lane, sensors, model)
         _write(kalman, innovation, lane, after)
 
 

@@ -237,7 +237,7 @@ def step_imm(
         if not at_once:
             for lane in range(first, last):
                 before, moved = read_filter(kalman, lane), read_filter(mixed, lane)
-                after = correct_by_sensors(before, moved, block, lane, sensors, model)
+                after = correct_by_sensors(before, moved, motion, block, lane, sensors, model)
                 _write(kalman, mixed, innovation, lane, after)
         else:
             for lane in range(first, last):

@@ -1,8 +1,8 @@
-"""The correction of a filter by what the sensors measure: a position with any covariance, and range
-rates. It is corrected by the coordinates along the principal axes of the position's covariance,
-whose errors are independent, and then by one range rate after the other, linearised at the estimate
-corrected so far. The likelihood may be a robust one. A filter has any number of states, see
-`filter`.
+"""The correction of a filter by what the sensors measure: a position with any covariance, and
+velocities, range rates, ranges and bearings. It is corrected by the coordinates along the principal
+axes of the position's covariance, whose errors are independent, and then by one other number after
+the other, linearised at the estimate corrected so far. The likelihood may be a robust one. A filter
+has any number of states, see `filter`.
 """
 
 import math
@@ -22,14 +22,15 @@ from hybrid_env.core.banks.filter import (
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import log
 from hybrid_env.core.memory import MOST_RATES, FloatArray, Records, State
-from hybrid_env.core.polar import range_rate
+from hybrid_env.core.polar import BEARING, RANGE, VELOCITY_X, VELOCITY_Y, range_rate
 from hybrid_env.core.vectors import Vector, combination, minus_square, rows_of, widened
 
 
 @internal
 def write_measured(block: Any, lane: int, measured: FloatArray) -> None:
     """Write what is measured to a lane of a record with the fields of `memory.MEASURED`. measured:
-    (2,) position of variance R, or (9,) with covariance xx, xy, yy over R and range rates.
+    (2,) position of variance R, or (9,) with covariance xx, xy, yy over R, range rates and
+    velocities.
     """
     block.measurement[0, lane], block.measurement[1, lane] = measured[0], measured[1]
     for k in range(3):
@@ -84,14 +85,33 @@ def correct_scalar(
 
 
 @inlined
-def _rate_model(state: Vector, p: Vector, rate: float, sensor: Any) -> tuple[State, float, float]:
-    """Return the derivatives of a range rate by [x, vx, y, vy], its innovation, and its variance.
-    Near the radar the bearing is uncertain: what this adds in second order adds to the variance.
+def _rate_model(
+    state: Vector, p: Vector, rate: float, sensor: Any, axis: int, stands: bool
+) -> tuple[State, float, float]:
+    """Return the derivatives of what is measured beside a position by [x, vx, y, vy], its
+    innovation, and its variance. Near the radar the bearing is uncertain: what this adds to a range
+    rate in second order adds to the variance. A mode that stands predicts rates and velocities of
+    0, whatever its state.
     """
+    kind = sensor.kinds[axis]
+    variance = sensor.deviations[axis] * sensor.deviations[axis]
+    if stands and kind <= VELOCITY_Y:
+        return (0.0, 0.0, 0.0, 0.0), rate, variance
+    if kind == VELOCITY_X:
+        return (0.0, 1.0, 0.0, 0.0), rate - state[1], variance
+    if kind == VELOCITY_Y:
+        return (0.0, 0.0, 0.0, 1.0), rate - state[3], variance
     x, u, y, v = state[0] - sensor.x, state[1], state[2] - sensor.y, state[3]
     distance = max(math.hypot(x, y), 1e-150)
     along_x = x / distance
     along_y = y / distance
+    if kind == RANGE:
+        return (along_x, 0.0, along_y, 0.0), rate - distance, variance
+    if kind == BEARING:
+        # Within half a circle.
+        turned = rate - math.atan2(y, x)
+        turned -= 2.0 * math.pi * math.floor(turned / (2.0 * math.pi) + 0.5)
+        return (-along_y / distance, 0.0, along_x / distance, 0.0), turned, variance
     expected = range_rate(x, y, u, v)
     by_x, by_u, by_y, by_v = rows_of(p)[:4]
     across = (
@@ -102,16 +122,32 @@ def _rate_model(state: Vector, p: Vector, rate: float, sensor: Any) -> tuple[Sta
     angle = min(max(across, 0.0) / (distance * distance), 1e6)
     added = angle * (0.5 * angle * (u * u + v * v) + max(by_u[1], 0.0) + max(by_v[3], 0.0))
     h = (u - along_x * expected) / distance, along_x, (v - along_y * expected) / distance, along_y
-    return h, rate - expected, sensor.rate_deviation * sensor.rate_deviation + added
+    return h, rate - expected, variance + added
+
+
+@inlined
+def _senses(measured: Any, lane: int, sensors: Records) -> bool:
+    """Return whether anything beside a position is measured."""
+    for k in range(sensors.size):
+        for row in range(sensors[k].rates):
+            if not math.isnan(measured.rates[sensors[k].rate_row + row, lane]):
+                return True
+    return False
 
 
 @internal
 def correct_by_sensors(
-    before: Filter, moved: Filter, measured: Any, lane: int, sensors: Records, model: Any
+    before: Filter,
+    moved: Filter,
+    motion: Any,
+    measured: Any,
+    lane: int,
+    sensors: Records,
+    model: Any,
 ) -> Corrected:
-    """Return a filter corrected by all that is measured in a tick: a position, and range rates of
+    """Return a filter corrected by all that is measured in a tick: a position, and other numbers of
     the sensors, or by nothing; as `filter.correct`. measured: a record with the fields of
-    `memory.MEASURED`.
+    `memory.MEASURED`; motion: a record `MOTION` of the mode; None is a turn.
 
     With a freedom > 0 innovations have a Student t distribution whose scale matrix is the
     innovation variance. All corrections of a tick have the weight (freedom + k) / (freedom + d^2),
@@ -119,8 +155,10 @@ def correct_by_sensors(
     "Approximate inference in state-space models with heavy-tailed noise", with one iteration, and
     Lange, Little & Taylor 1989, eq. (4). The covariances stay those of the Kalman filter.
     """
-    if math.isnan(measured.measurement[0, lane]):
-        return uncorrected(before, moved, model)
+    placed = not math.isnan(measured.measurement[0, lane])
+    unseen = uncorrected(before, moved, model)
+    if not (placed or _senses(measured, lane, sensors)):
+        return unseen
     # With the rounding of lanes that are corrected at once.
     if sensors.size == 0 and model.freedom == 0.0:
         return correct(before, moved, measured.measurement, lane, model)
@@ -130,6 +168,7 @@ def correct_by_sensors(
         model.variance_y * measured.noise[2, lane],
     )
     after, q = moved
+    stands = motion is not None and motion.stands
     valid = True
     white_first = 0.0
     white_second = 0.0
@@ -137,7 +176,7 @@ def correct_by_sensors(
     log_rates = 0.0
     distance = 0.0
     count = 0.0
-    for k in range(-2, sensors.size):
+    for k in range(-2 if placed else 0, 2 * sensors.size):
         if k < 0:
             h_x, h_y, variance = (cosine, sine, first) if k == -2 else (-sine, cosine, second)
             h = h_x, 0.0, h_y, 0.0
@@ -145,10 +184,12 @@ def correct_by_sensors(
             y = measured.measurement[1, lane] - after[2]
             innovation = h_x * x + h_y * y
         else:
-            row = sensors[k].rate_row
-            if row < 0 or math.isnan(measured.rates[row, lane]):
+            sensor, axis = sensors[k // 2], k % 2
+            row = sensor.rate_row + axis
+            if axis >= sensor.rates or math.isnan(measured.rates[row, lane]):
                 continue
-            h, innovation, variance = _rate_model(after, q, measured.rates[row, lane], sensors[k])
+            rate = measured.rates[row, lane]
+            h, innovation, variance = _rate_model(after, q, rate, sensor, axis, stands)
         after, q, (white, log_sigma, fits) = correct_scalar(after, q, h, innovation, variance)
         valid &= fits
         distance += white * white
@@ -163,6 +204,8 @@ def correct_by_sensors(
             log_rates += 0.5 * (LOG_TWO_PI + log_sigma)
     if not valid:
         return before[0], before[1], (0.0, 0.0, 2.0 * math.log(LARGEST)), -DIVERGED
+    if not placed:
+        log_variance = unseen[2][2]
     likelihood = -0.5 * distance
     if model.freedom > 0.0:
         likelihood = -0.5 * (model.freedom + count) * log(1.0 + distance / model.freedom)
@@ -171,5 +214,5 @@ def correct_by_sensors(
         after = combination((1.0, w), (moved[0], change))
     white_x = cosine * white_first - sine * white_second
     white_y = sine * white_first + cosine * white_second
-    likelihood -= LOG_TWO_PI + log_variance + log_rates
+    likelihood -= (LOG_TWO_PI + log_variance if placed else 0.0) + log_rates
     return after, q, (white_x, white_y, log_variance), likelihood

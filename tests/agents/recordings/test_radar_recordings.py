@@ -72,4 +72,4 @@ def test_degrees_from_north_and_radians_from_the_x_axis_are_the_same(polar, tmp_
     first, second = (file.recordings[0] for file in read)
 
     np.testing.assert_allclose(first.positions, second.positions)
-    np.testing.assert_array_equal(first.rates, polar[:, 2])
+    np.testing.assert_array_equal(first.rates, polar[:, 2:])

@@ -28,35 +28,40 @@ def at_once(z, R, matrices, start, x0):
         spread[4 * k : 4 * k + 4, 4 * k : 4 * k + 4] = noise
     prior = A @ spread @ A.T
     mean = A[:, :4] @ x0
-    seen = np.flatnonzero(~np.isnan(z[:, 0]))
-    H = np.zeros((2 * len(seen), size))
-    for row, k in enumerate(seen):
-        H[2 * row, 4 * k + 4] = H[2 * row + 1, 4 * k + 6] = 1.0
-    S = H @ prior @ H.T + np.kron(np.eye(len(seen)), R)
-    gain = np.linalg.solve(S, H @ prior).T
-    mean = mean + gain @ (z[seen].ravel() - H @ mean)
+    # Columns of z are x, y, vx and vy.
+    ticks_seen, columns = np.nonzero(~np.isnan(z))
+    H = np.zeros((len(columns), size))
+    H[range(len(columns)), 4 * ticks_seen + 4 + np.array([0, 2, 1, 3])[columns]] = 1.0
+    noise = R[columns[:, None], columns] * (ticks_seen[:, None] == ticks_seen)
+    gain = np.linalg.solve(H @ prior @ H.T + noise, H @ prior).T
+    mean = mean + gain @ (z[ticks_seen, columns] - H @ mean)
     P = prior - gain @ H @ prior
     blocks = [slice(4 * k + 4, 4 * k + 8) for k in range(ticks)]
     return np.array([mean[b] for b in blocks]), np.array([P[b, b] for b in blocks])
 
 
-def test_straight_motion_and_a_stop_are_one_linear_regression():
+@pytest.mark.parametrize("coordinates", [2, 4])
+def test_straight_motion_and_a_stop_are_one_linear_regression(coordinates):
     modes = parse_modes("straight, stop")
     motions = motion_table(modes, TAU, Q)
     rng = np.random.default_rng(1)
-    z = rng.normal(0.0, 1.0, (25, 2)).cumsum(0)
+    z = rng.normal(0.0, 1.0, (25, coordinates)).cumsum(0)
     z[[6, 7, 15]] = np.nan
-    R = np.array([[0.3, 0.1], [0.1, 0.2]])
+    z[20, 2:] = np.nan
+    R = np.diag([0.3, 0.2, 0.4, 0.4])
+    R[0, 1] = R[1, 0] = 0.1
     pieces = np.array([[0, 10, 0], [10, 18, 1], [18, 25, 0]])
     root = rng.normal(size=(4, 4))
     start = rng.normal(size=4), root @ root.T
-    noises = np.tile([0.3, 0.1, 0.2], (25, 1))
+    noises = np.tile([0.3, 0.1, 0.2, 0.4][: coordinates // 2 + 2], (25, 1))
     smoother = PieceSmoother(z, noises, start, motions, TAU, Q, 1.0)
     estimates, covariances, turns = smoother.smooth(pieces)
 
     straight = np.kron(np.eye(2), [[1.0, TAU], [0.0, 1.0]]), np.diag([0, Q, 0, Q])
     stop = motions[1]["F"][:4, :4], motions[1]["Q"][:4, :4]
     matrices = [straight] * 10 + [stop] * 8 + [straight] * 7
+    # What is measured of an object that stands is not the velocity with which it moves on.
+    z[10:18, 2:] = np.nan
     mean, P = at_once(z, R, matrices, start[1], start[0])
     np.testing.assert_allclose(estimates, mean, atol=1e-8)
     np.testing.assert_allclose(covariances, P, atol=1e-8)

@@ -11,9 +11,9 @@ from baselines.recordings.ticks import Piece, TickGrid
 from hybrid_env.modes import Straight
 
 
-def matrix_likelihood(z, R, Q):
-    """Log-likelihood of a nearly constant velocity, from the fourth measurement after the start
-    on.
+def matrix_likelihood(z, v, R, Q, deviation):
+    """Log-likelihood of a nearly constant velocity, from the fourth measurement after the start on,
+    of positions, and of velocities (n, 2), none for (n, 0).
     """
     first, second = np.flatnonzero(~np.isnan(z[:, 0]))[:2]
     apart = second - first
@@ -23,33 +23,29 @@ def matrix_likelihood(z, R, Q):
     P = np.kron(np.eye(2), axis)
     kalman = MatrixKalmanFilter(start, P, 0.0, 1.0, Q, R * np.eye(2))
     after = []
-    for point in z[second + 1 :]:
+    for point, velocity in zip(z[second + 1 :], v[second + 1 :], strict=True):
+        kalman.rates = [(velocity, None, deviation)] if velocity.size else []
         kalman.step(None if np.isnan(point[0]) else point)
         if not np.isnan(point[0]):
             after.append(kalman.log_likelihood)
     return after[-1] - after[2]
 
 
+@pytest.mark.parametrize("velocities", [0, 2])
 @pytest.mark.parametrize("modes", [(), (Straight(),)])
-def test_straight_motion_has_the_likelihood_of_a_matrix_filter(modes):
+def test_straight_motion_has_the_likelihood_of_a_matrix_filter(modes, velocities):
     rng = np.random.default_rng(0)
     parts = [np.cumsum(rng.normal(1.0, 0.3, (length, 2)), axis=0) for length in (40, 40, 25)]
     for part in parts:
         part[rng.random(len(part)) < 0.3] = np.nan
+    rates = [rng.normal(1.0, 0.3, (len(part), velocities)) for part in parts]
     pieces = tuple(
-        Piece(
-            0,
-            len(part),
-            np.arange(len(part)),
-            np.zeros(len(part)),
-            part,
-            np.full(len(part), np.nan),
-        )
-        for part in parts
+        Piece(0, len(part), np.arange(len(part)), np.zeros(len(part)), part, measured)
+        for part, measured in zip(parts, rates, strict=True)
     )
     chunks, _ = grid_chunks(TickGrid(1.0, pieces, 0, 0.0), 1.0, (), 256)
-    model = TrackModel((), 0.5, 0.01, math.inf, 1.0, 1.0, modes=modes)
+    model = TrackModel((), 0.5, 0.01, math.inf, 1.0, 1.0, modes=modes, velocity_variance=0.04)
     total = run_pass(chunks, model).log_likelihood
-    expected = sum(matrix_likelihood(part, 0.5, 0.01) for part in parts)
+    expected = sum(map(matrix_likelihood, parts, rates, [0.5] * 3, [0.01] * 3, [0.2] * 3))
 
     assert total == pytest.approx(expected, rel=1e-9)

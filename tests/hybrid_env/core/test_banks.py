@@ -40,10 +40,20 @@ DOPPLER = (
     ),
     Radar(range_deviation=0.2, bearing_deviation=0.03, rate_deviation=0.1, position=(20.0, 3.0)),
 )
+# A velocity, and a range rate after it.
+VELOCITIES = (Sensor(variance=0.4, velocity_variance=0.01), DOPPLER[3])
+# A camera at every tick, a beacon, and a position at every fifth tick.
+LINES = (
+    Radar(bearing_deviation=0.02, position=(-20.0, 3.0)),
+    Radar(range_deviation=0.3, position=(5.0, -30.0), period=2),
+    Sensor(variance=0.4, period=5),
+)
 MEASURED = {
     "unequal": UNEQUAL,
     "sensors": {"sensors": SENSORS, "missed": 0.4, "noise": "levy 1.5 0.5 44"},
     "range rates": {"sensors": DOPPLER, "missed": 0.3},
+    "velocities": {"sensors": VELOCITIES, "missed": 0.3},
+    "bearings and ranges": {"sensors": LINES, "missed": 0.2},
 }
 HEAVY = {"noise": "levy 1.2"}
 ROBUST = {

@@ -90,6 +90,9 @@ KINDS = {
     "nmea": b"".join(
         b"$GPRMC,1000%02d,A,5%d00.0,N,00300.0,E,9,0,010524,,,A\n" % (k, k) for k in range(9)
     ),
+    "ais": b"".join(
+        b"%d,!AIVDM,1,1,,B,15NG6V0P01G?cFhE`R2IU?wn28R>,0*05\n" % (10 * k) for k in range(9)
+    ),
     "zones": b"t,easting,northing,zone\n"
     + b"".join(b"%d,500000,%d,3%dN\n" % (k, 5_000_000 + k, 2 + (k > 6)) for k in range(9)),
     "earth-centred": b"t,x,y,z\n" + b"".join(b"%d,4000000,%d,4960000\n" % (k, k) for k in range(9)),
@@ -111,6 +114,11 @@ def test_a_damaged_file_is_read_or_refused(read, kind, examples):
             assert "\n" not in file.summary
 
     attack(examples, damaged(KINDS[kind]), check)
+
+
+def test_a_single_row_of_its_own_time_is_refused(read):
+    with pytest.raises(ArgumentError, match=r"has 1 measured positions|more than half"):
+        read("t,x,y\n,z\n" + "".join(f"{k},4000000,{k},4960000\n" for k in range(9)))
 
 
 @pytest.mark.parametrize("text", ["[" * 20_000, "t,x" + " " * 9_000 + "[,y"])

@@ -6,6 +6,7 @@ import operator
 
 import numpy as np
 import pandas as pd
+import pyais
 import pyproj
 import pytest
 
@@ -162,6 +163,24 @@ for zone in (32, 33):
 VELOCITY = {"vx": 0.0, "vy": 0.0}
 FIT = "Type,Local Number,Message,Field 1,Value 1,Units 1"
 AIS = "!AIVDM,1,1,,A,13HOI:0P0000VOHLCnHQKwvL05Ip,0*23"
+
+
+def ais(form, wrong=()):
+    """A log of AIS, of which some reports are damaged; with two messages that have no place."""
+    lines = [
+        AIS.replace("*23", "*24"),
+        "!AIVDM,2,1,3,B,55P5TL01VIaAL@7WKO@mBplU@<PDhh000000001S,0*3E",
+    ]
+    for k, place in enumerate(zip(LAT, LON, strict=True)):
+        report = {"type": 1, "mmsi": 244000001, "speed": 8.0, "course": 360.0}
+        [sentence] = pyais.encode_dict(
+            report | dict(zip(("lat", "lon"), place, strict=True)), sentence_type="VDM"
+        )
+        damaged = sentence[:-1] + "0123456789ABCDEF"[int(sentence[-1], 16) ^ (k in wrong)]
+        lines.append(form.format(sentence=damaged, seconds=UNIX[k], date=ISO[k]))
+    return text(*lines)
+
+
 NO_FIX = "rows of a sensor without a fix (11)"
 ASSUMED = "x east, y north is assumed: left is counter-clockwise"
 NED = "x is north and y is east (NED)"
@@ -346,7 +365,11 @@ CASES = {
     "NMEA": (sentences("RMC", "GGA"), NO_FIX),
     "NMEA without dates": (sentences("GGA"), SAID + "times of day"),
     "damaged NMEA": (sentences("RMC", wrong=(7,)), "sentences with a wrong checksum (1)"),
-    "AIS": (text(*[AIS] * 5), NOT + "decode them to CSV, .* by pyais"),
+    "AIS without times": (text(*[AIS] * 5), NOT + "AIS sentences without times of reception"),
+    "AIS": (ais("{seconds:.3f},{sentence}"), "1 object"),
+    "AIS with a time at the end": (ais("{sentence},{date}"), "times are dates"),
+    "AIS with tags": (ais("\\g:1-2-3,s:r1,c:{seconds:.3f}*5A\\{sentence}"), "seconds since 1970"),
+    "damaged AIS": (ais("{date} {sentence}", wrong=(7,)), "sentences with a wrong checksum (2)"),
     "FIT": (text(FIT, *["Data,0,record,timestamp,1,s"] * 5), NOT + "FitCSVTool: .*--data record"),
     "both in one column": (
         pd.DataFrame({"time": T, "Position": [f"{a}, {b}" for a, b in zip(LAT, LON, strict=True)]}),
@@ -420,7 +443,12 @@ CASES = {
 
 
 # Measurements that cannot be read.
-FEWER = {"clock that is set late": 8, "one ahead": 1, "damaged NMEA": 12} | dict.fromkeys(
+FEWER = {
+    "clock that is set late": 8,
+    "one ahead": 1,
+    "damaged NMEA": 12,
+    "damaged AIS": 1,
+} | dict.fromkeys(
     [
         *("out of range", "AIS without a position", "zeros", "9999", "-1", "status", "null"),
         *("no fix", "NMEA", "NMEA without dates", "quality", "dilution"),
