@@ -8,9 +8,11 @@ from hybrid_env.noises import LevyNoise as LevyNoise
 from hybrid_env.noises import OutlierNoise as OutlierNoise
 from hybrid_env.noises import OwnNoise as OwnNoise
 from hybrid_env.noises import StudentNoise as StudentNoise
+from hybrid_env.observation import InnovationsLayout as InnovationsLayout
 from hybrid_env.observation import Layout as Layout
 from hybrid_env.observation import QuickestLayout as QuickestLayout
 from hybrid_env.observation import RawLayout as RawLayout
+from hybrid_env.observation import StateLayout as StateLayout
 from hybrid_env.online import KalmanBank as KalmanBank
 from hybrid_env.options import WorldOptions as WorldOptions
 from hybrid_env.quickest_env import HybridTrackQuickestEnv as HybridTrackQuickestEnv

@@ -231,9 +231,15 @@ class HybridTrackEnv(TrackEnv):
     that the most likely filter predicts. With `decide_every` the innovations are those of the last
     tick before the decision.
 
-    `observation="raw"` is the measurement without the bank (`hybrid_env.RawLayout`):
-    displacement_along, displacement_across, measured, ticks, ticks_left, speed, log_noise. Actions,
-    rewards and episodes are the same, so that the difference is the worth of a bank.
+    Three twins have the same actions, rewards and episodes, so that their differences are the worth
+    of a bank, of a memory, and of what cannot be observed. `observation="raw"` is the measurement
+    without the bank (`hybrid_env.RawLayout`): displacement_along, displacement_across, measured,
+    ticks, ticks_left, speed, log_noise. `observation="innovations"` has no sums of evidence
+    (`hybrid_env.InnovationsLayout`): innovation_along and innovation_across of each hypothesis, the
+    one-hot encoding of the last decided mode, ticks, ticks_left, measured.
+    `observation="state"` hides nothing (`hybrid_env.StateLayout`): the one-hot encoding of the true
+    mode, position and velocity (in sqrt(R) and per tick) of the object along and across, ticks,
+    ticks_left, log_noise.
 
     ## Rewards
     Every step has the reward `-delay_cost` for each tick since the last wait or the switch: one

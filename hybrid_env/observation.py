@@ -142,3 +142,37 @@ class RawLayout(Layout):
         "speed": 1.0,
         "log_noise": 1.0,
     }
+
+
+class StateLayout(Layout):
+    """Position and scale of each quantity in an observation with `observation="state"`; see
+    `Layout`.
+    """
+
+    hypothesis_features: ClassVar[dict[str, float]] = {"true_mode": 1.0}
+    track_features: ClassVar[dict[str, float]] = {
+        "position_along": LENGTH_SCALE,
+        "position_across": LENGTH_SCALE,
+        "velocity_along": 1.0,
+        "velocity_across": 1.0,
+        "ticks": TICK_SCALE,
+        "ticks_left": TICK_SCALE,
+        "log_noise": 1.0,
+    }
+
+
+class InnovationsLayout(Layout):
+    """Position and scale of each quantity in an observation with `observation="innovations"`; see
+    `Layout`.
+    """
+
+    hypothesis_features: ClassVar[dict[str, float]] = {
+        "innovation_along": 1.0,
+        "innovation_across": 1.0,
+        "previous": 1.0,
+    }
+    track_features: ClassVar[dict[str, float]] = {
+        "ticks": TICK_SCALE,
+        "ticks_left": TICK_SCALE,
+        "measured": 1.0,
+    }

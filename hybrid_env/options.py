@@ -8,10 +8,11 @@ from numpy.typing import ArrayLike
 
 from hybrid_env.checks import FloatArray, IntArray, reject
 from hybrid_env.core.memory import BANKS, SEGMENT_COLUMNS, TICK_NAMES, DenseBank
+from hybrid_env.core.observation_row import OBSERVATIONS
 from hybrid_env.limits import QuantityOrZero
 from hybrid_env.model_options import ModelOptions as ModelOptions
 from hybrid_env.noises import StudentNoise
-from hybrid_env.observation import Layout, RawLayout
+from hybrid_env.observation import InnovationsLayout, Layout, RawLayout, StateLayout
 from hybrid_env.scheme import FixedScheme, RandomScheme, Scheme, parse_scheme, segment_table
 
 
@@ -40,8 +41,10 @@ class WorldOptions(ModelOptions):
         actions: "all" waits or declares one of M hypotheses; "types" waits or declares straight,
             left or right, which is the most likely hypothesis of this type.
         observation: "bank" is the output of the bank; "raw" the measurement relative to the anchor,
-            without the bank. Actions, rewards and episodes are the same with both, so that their
-            difference is the worth of a bank.
+            without the bank; "state" the true state and the true mode; "innovations" the whitened
+            innovations, the time and the last decision, so that a decider has to sum up the
+            evidence. Actions, rewards and episodes are the same with all of them, so that their
+            difference is the worth of a bank, and of what cannot be observed.
         undecided: decision on a segment that ends undecided: "likeliest" for the most likely
             hypothesis, "keep" for the last decided mode, as in the papers.
     """
@@ -57,7 +60,7 @@ class WorldOptions(ModelOptions):
     delay_cost: QuantityOrZero = 0.02
     correctness: Literal["exact", "type"] = "exact"
     actions: Literal["all", "types"] = "all"
-    observation: Literal["bank", "raw"] = "bank"
+    observation: Literal["bank", "raw", "state", "innovations"] = "bank"
     undecided: Literal["likeliest", "keep"] = "likeliest"
 
     def __post_init__(self) -> None:
@@ -114,7 +117,12 @@ class WorldOptions(ModelOptions):
     @property
     def layout_class(self) -> type[Layout]:
         """Layout of the rows, by the option `observation`."""
-        return RawLayout if self.observation == "raw" else Layout
+        return {
+            "bank": Layout,
+            "raw": RawLayout,
+            "state": StateLayout,
+            "innovations": InnovationsLayout,
+        }[self.observation]
 
     @property
     def table(self) -> FloatArray:
@@ -165,7 +173,7 @@ class WorldOptions(ModelOptions):
             "exact": self.correctness == "exact",
             "merged": self.follow == "bank",
             "declare_type": self.actions == "types",
-            "raw": self.observation == "raw",
+            "observation": OBSERVATIONS.index(self.observation),
             # 1 if those of both axes are equal.
             "axes": 2 if self.follow == "bank" else self.variances.size,
             "keep_undecided": self.undecided == "keep",

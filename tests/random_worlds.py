@@ -15,7 +15,7 @@ CHOICES = {
     "follow": ("declared", "bank"),
     "correctness": ("exact", "type"),
     "actions": ("all", "types"),
-    "observation": ("bank", "raw"),
+    "observation": ("bank", "raw", "state"),
     "undecided": ("likeliest", "keep"),
     "heading": (None, 2.0),
 }

@@ -39,11 +39,12 @@ from hybrid_env.core.memory import (
 from hybrid_env.core.motion import heading_vector
 from hybrid_env.core.noise import GAUSSIAN, draw_normals, integer_below
 from hybrid_env.core.observation_row import (
+    BANK_ROW,
     log_error_probability,
-    write_raw_row,
     write_segment,
     write_tick,
     write_trace,
+    write_twin,
 )
 from hybrid_env.core.true_object import (
     LENGTH,
@@ -294,8 +295,8 @@ def write_rows(
         scratch.log_error[lane] = log_error_probability(others[lane])
     for lane in range(first, last):
         row = arrays.observations[b * LANES + lane]
-        if setting.raw:
-            write_raw_row(row, block, lane, setting)
+        if setting.observation != BANK_ROW:
+            write_twin(row, block, lane, bank, setting)
             continue
         if begun & (1 << lane):
             write_segment(row, block, lane, arrays.curvatures, setting)

@@ -629,6 +629,8 @@ PARAMETERS = np.dtype(
                 # Number of distinct covariances, 1 or 2, and of actions.
                 "axes",
                 "action_count",
+                # What the row holds, see `observation_row.OBSERVATIONS`.
+                "observation",
                 # M if every tick of the bank is recorded, or 0.
                 "bank_rows",
                 # Between two decisions [ticks].
@@ -660,8 +662,6 @@ PARAMETERS = np.dtype(
             for name in (
                 # Measurements may be missing or of different variances.
                 "irregular",
-                # A row holds the measurement in place of the output of the bank.
-                "raw",
                 # The radius must be correct, not only the type.
                 "exact",
                 # An action declares the most likely hypothesis of a type.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from hybrid_env.core.banks.bank import estimate_of, likeliest
 from hybrid_env.core.compilation import formula, inlined, internal
 from hybrid_env.core.elementary import log
-from hybrid_env.core.memory import FloatArray
+from hybrid_env.core.memory import FloatArray, state_of
 from hybrid_env.core.motion import heading_vector
 
 # Lower clip of log-likelihood ratios and log-probabilities.
@@ -26,6 +26,12 @@ LOG_SCALE = 0.1
 VELOCITY_SCALE = 10.0
 TICK_SCALE = 0.01
 LENGTH_SCALE = 0.1
+
+OBSERVATIONS = ("bank", "raw", "state", "innovations")
+"""What a row holds: the output of the bank, the measurement alone, the true state, or the
+innovations alone.
+"""
+BANK_ROW, RAW_ROW, STATE_ROW, INNOVATIONS_ROW = range(len(OBSERVATIONS))
 
 
 @formula
@@ -128,17 +134,46 @@ def write_segment(
 
 
 @internal
-def write_raw_row(row: NDArray[np.float32], block: Any, lane: int, setting: Any) -> None:
-    """Write the measurement alone, see `RawLayout`."""
-    x, y = block.measurement[0, lane], block.measurement[1, lane]
-    if math.isnan(x):
-        x, y = block.anchor[0, lane], block.anchor[2, lane]
-    row[0], row[1] = _displacement(block, lane, x, y, setting)
-    row[2] = _measured(block, lane, setting)
-    row[3] = TICK_SCALE * block.tick[lane]
-    row[4] = TICK_SCALE * (block.length[lane] - block.tick[lane])
-    row[5] = min(setting.tau * block.speed[lane] * setting.noise_whitener, LARGEST_ANCHOR)
-    row[6] = _log_noise(block, lane, setting)
+def write_twin(row: NDArray[np.float32], block: Any, lane: int, bank: Any, setting: Any) -> None:
+    """Write the row of a track at a tick where it is not that of the bank: the measurement alone,
+    see `RawLayout`; the true mode and state, of a problem that is fully observed, see
+    `StateLayout`; or the innovations alone, see `InnovationsLayout`.
+    """
+    ticks = TICK_SCALE * block.tick[lane]
+    ticks_left = TICK_SCALE * (block.length[lane] - block.tick[lane])
+    if setting.observation == RAW_ROW:
+        x, y = block.measurement[0, lane], block.measurement[1, lane]
+        if math.isnan(x):
+            x, y = block.anchor[0, lane], block.anchor[2, lane]
+        row[0], row[1] = _displacement(block, lane, x, y, setting)
+        row[2] = _measured(block, lane, setting)
+        row[3], row[4] = ticks, ticks_left
+        row[5] = min(setting.tau * block.speed[lane] * setting.noise_whitener, LARGEST_ANCHOR)
+        row[6] = _log_noise(block, lane, setting)
+        return
+    modes = setting.modes
+    if setting.observation == INNOVATIONS_ROW:
+        heading_x, heading_y = block.heading[0, lane], block.heading[1, lane]
+        for h in range(modes):
+            row[h], row[modes + h] = innovation_in_frame(
+                bank.innovations[h], lane, heading_x, heading_y
+            )
+            row[2 * modes + h] = 1.0 if h == block.active_mode[lane] else 0.0
+        singles = row[3 * modes :]
+        singles[0], singles[1] = ticks, ticks_left
+        singles[2] = _measured(block, lane, setting)
+        return
+    for mode in range(modes):
+        row[mode] = 1.0 if mode == block.true_mode[lane] else 0.0
+    singles = row[modes:]
+    x, u, y, v = state_of(block.truth, lane)
+    singles[0], singles[1] = _displacement(block, lane, x, y, setting)
+    per_tick = setting.tau * setting.noise_whitener
+    singles[2], singles[3] = heading_frame(
+        per_tick * u, per_tick * v, block.heading[0, lane], block.heading[1, lane]
+    )
+    singles[4], singles[5] = ticks, ticks_left
+    singles[6] = _log_noise(block, lane, setting)
 
 
 @internal

@@ -16,6 +16,7 @@ ANNOUNCED = [
     pytest.param(AWARE, id="anchor-aware"),
     pytest.param(ENVIRONMENTS["HybridTrackBank-v0"] | {"decide_every": 1}, id="types"),
     pytest.param({"observation": "raw", "missed": 0.2}, id="raw, missing ticks"),
+    pytest.param({"observation": "state"}, id="state"),
     pytest.param({"modes": "straight, left 5, stop"}, id="own modes"),
     pytest.param({"sensors": ["0.4 period 3", "radar 0.5 0.01 rate 0.3"]}, id="radar"),
     pytest.param({"noise": "student_t 3"}, id="heavy tails"),

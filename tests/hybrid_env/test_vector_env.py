@@ -27,6 +27,7 @@ MADE = [
     ("HybridTrackPublished-v0", SAME, BRIEF | {"sensors": SENSORS, "missed": 0.4}),
     ("HybridTrackBank-v0", NEXT, BRIEF | {"decide_every": 5, "missed": 0.3}),
     ("HybridTrackRaw-v0", SAME, BRIEF | {"decide_every": 4, "missed": 0.2}),
+    ("HybridTrack-v0", NEXT, BRIEF | {"decide_every": 4, "observation": "state"}),
     ("HybridTrackQuickest-v0", SAME, SHORT | {"sensors": SENSORS, "noise": "student_t 3"}),
     (
         "HybridTrack-v0",

@@ -1,11 +1,13 @@
-"""The rows of the bank and those of the measurement alone belong to the same episodes."""
+"""The rows of the bank, of the measurement, of the innovations and of the true state belong to
+the same episodes.
+"""
 
 import numpy as np
 
-from hybrid_env import HybridTrackVectorEnv, RawLayout
+from hybrid_env import HybridTrackVectorEnv, InnovationsLayout, Layout, RawLayout, StateLayout
 from hybrid_env.registration import BANK_RADII
 
-OBSERVATIONS = "bank", "raw"
+TWINS = {"bank": Layout, "raw": RawLayout, "state": StateLayout, "innovations": InnovationsLayout}
 MEASURED = {"missed": 0.4, "measurement_variance": (0.05, 0.4)}
 
 
@@ -16,7 +18,7 @@ def in_heading_frame(vectors, anchor):
     return (vectors * heading).sum(1), (vectors * across).sum(1)
 
 
-def test_both_have_the_same_episodes_and_every_row_is_in_its_space():
+def test_twins_have_the_same_episodes_and_every_row_is_in_its_space():
     tracks = 11
     envs = [
         HybridTrackVectorEnv(
@@ -31,8 +33,9 @@ def test_both_have_the_same_episodes_and_every_row_is_in_its_space():
             follow="bank",
             **MEASURED,
         )
-        for name in OBSERVATIONS
+        for name in TWINS
     ]
+    layouts = [env.world.layout for env in envs]
     results = [env.reset(seed=6) for env in envs]
     generator = np.random.default_rng(1)
     episodes = 0
@@ -40,6 +43,11 @@ def test_both_have_the_same_episodes_and_every_row_is_in_its_space():
         for (rows, *others), env in zip(results, envs, strict=True):
             assert env.observation_space.contains(rows)
             np.testing.assert_equal(others, list(results[0][1:]))
+        bank, alone = results[0][0], results[-1][0]
+        for name in (*InnovationsLayout.hypothesis_features, *InnovationsLayout.track_features):
+            np.testing.assert_array_equal(
+                layouts[-1].read(alone, name), layouts[0].read(bank, name)
+            )
         declares = generator.random(tracks) < 0.2
         actions = declares * generator.integers(0, envs[0].single_action_space.n, tracks)
         results = [env.step(actions) for env in envs]
@@ -48,32 +56,50 @@ def test_both_have_the_same_episodes_and_every_row_is_in_its_space():
     assert episodes > 0
 
 
-def test_the_layout_reads_the_measurement_relative_to_the_anchor():
+def test_the_layouts_read_the_true_state_and_the_measurement_relative_to_the_anchor():
     tracks = 9
-    env = HybridTrackVectorEnv(
-        tracks, tick_info=True, observation="raw", scheme="L12r8 S9", radii=8.0, **MEASURED
+    raw, state = (
+        HybridTrackVectorEnv(
+            tracks, tick_info=True, observation=name, scheme="L12r8 S9", radii=8.0, **MEASURED
+        )
+        for name in ("raw", "state")
     )
-    R = np.exp(np.log(env.options.variances).mean())
-    layout = RawLayout(env.options.hypotheses)
-    rows, info = env.reset(seed=2)
+    R = np.exp(np.log(raw.options.variances).mean())
+    raw_layout = RawLayout(raw.options.hypotheses)
+    state_layout = StateLayout(state.options.hypotheses)
+    (raw_rows, info), (state_rows, _) = raw.reset(seed=2), state.reset(seed=2)
     for tick in range(1, 13):
         anchor = info["anchor"]
-        measurement = env.world.field("measurement")
+        truth = info["truth"]
+        places = [0, 2]
+        measurement = raw.world.field("measurement")
         missing = np.isnan(measurement[:, 0])
-        along, across = in_heading_frame((measurement - anchor[:, [0, 2]]) / np.sqrt(R), anchor)
-        expected = {
+        along, across = in_heading_frame((measurement - anchor[:, places]) / np.sqrt(R), anchor)
+        common = {"ticks": tick, "ticks_left": 12 - tick, "log_noise": 0.0}
+        of_raw = common | {
             "displacement_along": np.where(missing, 0.0, along),
             "displacement_across": np.where(missing, 0.0, across),
             "measured": 1.0 - missing,
-            "ticks": tick,
-            "ticks_left": 12 - tick,
             "speed": 0.1 * np.hypot(anchor[:, 1], anchor[:, 3]) / np.sqrt(R),
-            "log_noise": 0.0,
         }
-        assert expected.keys() == layout.slices.keys()
-        for name, value in expected.items():
-            np.testing.assert_allclose(layout.read(rows, name), value, rtol=1e-5, atol=1e-5)
-        rows, *_, info = env.step(np.zeros(tracks, np.int64))
+        position = in_heading_frame((truth - anchor)[:, places] / np.sqrt(R), anchor)
+        velocity = in_heading_frame(0.1 * truth[:, [1, 3]] / np.sqrt(R), anchor)
+        of_state = common | {
+            "position_along": position[0],
+            "position_across": position[1],
+            "velocity_along": velocity[0],
+            "velocity_across": velocity[1],
+            "true_mode": np.eye(state.options.hypotheses)[info["true_mode"]],
+        }
+        for rows, layout, expected in (
+            (raw_rows, raw_layout, of_raw),
+            (state_rows, state_layout, of_state),
+        ):
+            assert expected.keys() == layout.slices.keys()
+            for name, value in expected.items():
+                np.testing.assert_allclose(layout.read(rows, name), value, rtol=1e-5, atol=1e-5)
+        wait = np.zeros(tracks, np.int64)
+        (raw_rows, *_, info), (state_rows, *_) = raw.step(wait), state.step(wait)
 
     assert (info["segment"] == 1).all()
 
@@ -87,7 +113,7 @@ def test_rows_are_the_same_in_any_units():
         "process_variance": (0.001, (metre / second) ** 2),
         "measurement_variance": (0.1, metre**2),
     }
-    for name in OBSERVATIONS:
+    for name in TWINS:
         rows = []
         for scaled in (False, True):
             options = {
