@@ -59,8 +59,8 @@ class TrackEnv(OwnState, gym.Env[Float32Array, np.int64]):
         self._bind_views()
 
     def action_masks(self) -> BoolArray:
-        """Return that all actions count, (actions,), as sb3-contrib's `MaskablePPO` asks."""
-        return np.ones(self._action_count, bool)
+        """Return which actions count now, (actions,), as sb3-contrib's `MaskablePPO` reads them."""
+        return self.world.action_mask[0] > 0
 
     def _bind_views(self) -> None:
         """Create views of the single track once, because creating them takes longer than a tick."""
@@ -73,6 +73,7 @@ class TrackEnv(OwnState, gym.Env[Float32Array, np.int64]):
         views = {name: block[name][..., 0] for name in self.options.tick_names}
         views[field] = self.world.bank.hypotheses[field][0, :, 0]
         views |= {name: array[0] for name, array in self.world.drawn.items()}
+        views["action_mask"] = self.world.action_mask[0]
         # NumPy scalars, because libraries read the dtype of every value.
         self._info_readers = [
             (name, view.copy if view.ndim else functools.partial(view.__getitem__, ()))
@@ -196,6 +197,10 @@ class HybridTrackEnv(TrackEnv):
     likely hypothesis of the type is declared. An action outside the space raises
     `gymnasium.error.InvalidAction`.
 
+    `action_masks()` and `info["action_mask"]` say which actions count now. Waiting always does; the
+    declarations do once there is enough evidence. A declaration under the mask waits, and is no
+    error.
+
     ## Observation Space
     The observation is a float32 `Box` of shape `(6 M + 11,)`: six blocks of M values, one per
     hypothesis, followed by eleven scalars. No quantity has a unit. Each one is multiplied by its
@@ -266,6 +271,7 @@ class HybridTrackEnv(TrackEnv):
     y, vy], `measurement` [x, y] (left out without one), `anchor` [x, vx, y, vy], `estimate` [x, vx,
     y, vy] of the active filter, which is that of the last decided mode (with `follow="bank"`: the
     mean of the posterior over all filters), and `log_likelihood` (M,) since the switch.
+    `action_mask` (actions,) is 1 where an action counts, as int8.
 
     With `bank_info=True` it also describes every filter, in the axes of the plane: `innovations`
     (M, 2) [m], `innovation_covariances` (M, 2, 2), `estimates` (M, 4) [x, vx, y, vy] and

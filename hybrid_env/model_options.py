@@ -256,6 +256,7 @@ class ModelOptions(Checked):
             "radii_count": len(self.radii),
             "columns": len(self.radii) + 1,
             "modes": self.hypotheses,
+            "type_count": len(self.type_names),
             "axes": self.variances.size,
             "table_rows": len(self.table),
             "sensor_count": len(self.sensors),

@@ -1,9 +1,11 @@
 """The options of the environment with announced switches, checked on creation."""
 
+import math
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 import numpy as np
+from annotated_types import Interval
 from numpy.typing import ArrayLike
 
 from hybrid_env.checks import FloatArray, IntArray, reject
@@ -38,6 +40,9 @@ class WorldOptions(ModelOptions):
             its reward and nothing else.
         delay_cost: cost of a step, in units of the reward of a correct decision.
         correctness: "exact" requires the hypothesis, "type" only straight, left or right.
+        evidence: a declaration counts once the posterior of a mode reaches this probability (with
+            `correctness="type"` that of straight, left or right); before, it waits. All hypotheses
+            have equal priors at the switch. 0 lets every declaration count.
         actions: "all" waits or declares one of M hypotheses; "types" waits or declares straight,
             left or right, which is the most likely hypothesis of this type.
         observation: "bank" is the output of the bank; "raw" the measurement relative to the anchor,
@@ -59,6 +64,7 @@ class WorldOptions(ModelOptions):
     follow: Literal["declared", "bank"] = "declared"
     delay_cost: QuantityOrZero = 0.02
     correctness: Literal["exact", "type"] = "exact"
+    evidence: Annotated[float, Interval(ge=0.0, le=1.0 - 1e-9)] = 0.0
     actions: Literal["all", "types"] = "all"
     observation: Literal["bank", "raw", "state", "innovations"] = "bank"
     undecided: Literal["likeliest", "keep"] = "likeliest"
@@ -173,6 +179,7 @@ class WorldOptions(ModelOptions):
             "exact": self.correctness == "exact",
             "merged": self.follow == "bank",
             "declare_type": self.actions == "types",
+            "log_error_allowed": math.log1p(-self.evidence),
             "observation": OBSERVATIONS.index(self.observation),
             # 1 if those of both axes are equal.
             "axes": 2 if self.follow == "bank" else self.variances.size,

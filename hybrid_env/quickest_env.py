@@ -76,10 +76,10 @@ class HybridTrackQuickestEnv(TrackEnv):
     `info` describes the current tick at every step: `segment` (number of switches so far), `tick`
     (since the switch or the beginning of the episode, at first 1), `true_mode`, `truth` [x, vx, y,
     vy], `measurement` [x, y] (left out without one), `estimate` [x, vx, y, vy] (the mean over the
-    bank), and `log_probability` (M,). Units are m, m/s and ticks. With `durations="drawn"` also
-    `law` (2, 2, 3), for straight motion and turns, of two equally likely humps the offset, span and
-    geometric mean of `hybrid_env.core.habits`; with `transitions="drawn"` also `transitions` (M,
-    M), the probabilities of the next mode.
+    bank), `log_probability` (M,), and `action_mask` (M,), which is 1 everywhere. Units are m, m/s
+    and ticks. With `durations="drawn"` also `law` (2, 2, 3), for straight motion and turns, of two
+    equally likely humps the offset, span and geometric mean of `hybrid_env.core.habits`; with
+    `transitions="drawn"` also `transitions` (M, M), the probabilities of the next mode.
 
     ## Arguments
     `gym.make` takes `render_mode` ("rgb_array", or "human" for Gymnasium's window) and every option

@@ -178,7 +178,12 @@ class TrackVectorEnv(OwnState, VectorEnv[Float32Array, IntArray, AnyArray]):
             self._record(ended, ended)
         if events or self.tick_info:
             final = self._decision_info() | final
-        info = self._tick_info() | final if self.tick_info or self.bank_info else final
+        if self.tick_info or self.bank_info:
+            info = self._tick_info()
+        else:
+            # Most callers train: nothing else is made.
+            info = {"action_mask": world.action_mask.copy(), "_action_mask": self._every_track}
+        info |= final
         return world.take_rows(), rewards, terminated, truncated, info
 
     def close_extras(self, **kwargs: Any) -> None:
@@ -186,8 +191,8 @@ class TrackVectorEnv(OwnState, VectorEnv[Float32Array, IntArray, AnyArray]):
         self.world.close()
 
     def action_masks(self) -> BoolArray:
-        """See `HybridTrackEnv.action_masks`; (N, actions)."""
-        return np.ones((self.num_envs, self.options.action_count), bool)
+        """Return which actions count now, (N, actions)."""
+        return self.world.action_mask > 0
 
     def render(self) -> tuple[Any, ...] | None:
         """Return a frame of every track, (height, width, 3) uint8; None without a render mode."""
@@ -232,7 +237,7 @@ class TrackVectorEnv(OwnState, VectorEnv[Float32Array, IntArray, AnyArray]):
         """Return the info of the current tick, zero for tracks outside a mask, (N,), all without
         one, and for what was not measured.
         """
-        values: Info = self.world.bank_tick()
+        values: Info = {"action_mask": self.world.action_mask.copy()} | self.world.bank_tick()
         if self.tick_info:
             values |= self.world.copy_tick()
         masks = dict.fromkeys(values, self._every_track if mask is None else mask.copy())

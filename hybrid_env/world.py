@@ -47,6 +47,8 @@ class World:
     actions: IntArray
     # (N, width)
     observations: Float32Array
+    # (N, actions) 1 where an action counts; a declaration with 0 waits.
+    action_mask: NDArray[np.int8]
     # (N, M, columns) every filter at the present tick, if asked for.
     bank_ticks: FloatArray
     # (N,) of the last step.
@@ -111,6 +113,7 @@ class World:
         for name, array in state.items():
             setattr(self, name, array)
         self.bank = bank(**filters)
+        self.action_mask[:] = 1
         self._kept = state | {f"bank.{name}": filters[name] for name in declared(bank, "block")}
         self._constant = constant
         self._bind(parameters, state | filters | constant)

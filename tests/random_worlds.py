@@ -14,6 +14,7 @@ CHOICES = {
     "reset_covariance": (None, True, False),
     "follow": ("declared", "bank"),
     "correctness": ("exact", "type"),
+    "evidence": (0.0, 0.5, 0.95, 1.0 - 1e-9),
     "actions": ("all", "types"),
     "observation": ("bank", "raw", "state"),
     "undecided": ("likeliest", "keep"),

@@ -36,6 +36,7 @@ def _largest(task: Task, episodes: int, seed: int) -> FloatArray:
         **vars(given),
         "bank": "oracle" if given.bank == "oracle" else "anchor_aware",
         "follow": "bank",
+        "evidence": 0.0,
         "actions": "all",
         "observation": "bank",
         "reset_covariance": None,

@@ -221,7 +221,7 @@ def checked_options(model: Any, name: str, kind: type) -> dict[str, Any]:
     which leave the object and its measurements as they are. Refuse others.
     """
     needs = getattr(model, "options", {})
-    of_filters = "bank", "follow", "reset_covariance", "likelihood", "hazard"
+    of_filters = "bank", "evidence", "follow", "reset_covariance", "likelihood", "hazard"
     known = [option for option in of_filters if hasattr(kind, option)]
     if not isinstance(needs, Mapping) or not all(option in known for option in needs):
         raise reject("options", needs, f"a mapping with some of {', '.join(known)} in {name}")

@@ -20,6 +20,7 @@ from hybrid_env.core.banks.posterior import (
     NOTHING,
     by_likelihood,
     compare,
+    compare_types,
     write_covariance,
     write_mean,
 )
@@ -41,6 +42,7 @@ from hybrid_env.core.noise import GAUSSIAN, draw_normals, integer_below
 from hybrid_env.core.observation_row import (
     BANK_ROW,
     log_error_probability,
+    mask_declarations,
     write_segment,
     write_tick,
     write_trace,
@@ -214,11 +216,18 @@ def _decide(
     decisions[len(DECISION) - 1, i] = bits_of(block.squared_error[lane])
 
 
+@inlined
+def counted_action(arrays: Any, i: int) -> int:
+    """Return the action of track i, or 0 for a declaration that the mask makes wait."""
+    action = arrays.actions[i]
+    return action if action == 0 or arrays.action_mask[i, action] > 0 else 0
+
+
 @internal
 def prepare_lane(reset: bool, block: Any, lane: int, i: int, bank: Any, setting: Any) -> int:
     """Apply the action of track i, or begin its next episode. Returns the events of the lane."""
     arrays = arrays_of(setting)
-    action = arrays.actions[i]
+    action = counted_action(arrays, i)
     block.trace_length[lane] = 0
     if arrays.decision_flags[HAS_DECISION, i]:
         arrays.decisions[:, i] = 0
@@ -282,8 +291,8 @@ def tick(b: int, block: Any, bank: Any, first: int, last: int, setting: Any) -> 
 def write_rows(
     b: int, block: Any, bank: Any, first: int, last: int, begun: int, setting: Any
 ) -> None:
-    """Write the rows of lanes first .. last - 1 of block b. begun: one bit per lane, 1 where a
-    segment begins.
+    """Write the rows of lanes first .. last - 1 of block b, and which declarations count. begun:
+    one bit per lane, 1 where a segment begins.
     """
     arrays = arrays_of(setting)
     scratch = arrays.scratch[0]
@@ -293,6 +302,12 @@ def write_rows(
     others = bank.sums[0].others
     for lane in range(first, last):
         scratch.log_error[lane] = log_error_probability(others[lane])
+    if setting.log_error_allowed < 0.0:
+        if not setting.exact:
+            others = scratch.type_ratio
+            compare_types(bank, arrays.types, arrays.type_likelihoods, others, first, last)
+        for lane in range(first, last):
+            mask_declarations(arrays.action_mask[b * LANES + lane], others[lane], setting)
     for lane in range(first, last):
         row = arrays.observations[b * LANES + lane]
         if setting.observation != BANK_ROW:
@@ -308,8 +323,9 @@ def advance_live(begins: bool, bank_class: type, setting: Any) -> int:
     """Begin a segment, process a measurement, or declare a mode, on the first lane of the first
     block. With `begins` the last segment ends, and the bank starts from its estimate; the first
     one, whose `segment` is -1, from that of the block. Action 0 advances the bank by the
-    `measurement`, and writes the observation until a mode is declared; i + 1 declares mode i. Then
-    `estimate` and `covariance` are those of the last decided mode, or merged.
+    `measurement`, and writes the observation until a mode is declared; i + 1 declares mode i, once
+    the mask allows it. Then `estimate` and `covariance` are those of the last decided mode, or
+    merged.
     """
     arrays = arrays_of(setting)
     block, bank = arrays.blocks[0], operations.bank_of(bank_class, setting, 0)
@@ -325,7 +341,9 @@ def advance_live(begins: bool, bank_class: type, setting: Any) -> int:
         begin_bank(block, lane, bank, arrays.radii, setting)
         return 0
     if arrays.actions[0] > 0:
-        action = arrays.actions[0]
+        action = counted_action(arrays, 0)
+        if action == 0:
+            return 0
         block.active_mode[0] = chosen_mode(block, lane, bank, action, arrays.types, setting)
         arrays.decision_flags[HAS_DECISION, 0] = True
         set_anchor(block, lane, bank, setting.merged)

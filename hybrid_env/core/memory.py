@@ -521,6 +521,8 @@ class Arrays(NamedTuple):
     actions: Any = Array(np.int64, ("tracks",))
     blocks: Any = Array(BLOCK, ("blocks_count",))
     observations: Any = Array(np.float32, ("tracks", "width"))
+    # 1 where an action counts; a declaration with 0 waits.
+    action_mask: Any = Array(np.int8, ("tracks", "action_count"))
     # Every filter at the present tick, if it is asked for.
     bank_ticks: Any = Array(np.float64, ("tracks", "bank_rows", sum(BANK_COLUMNS.values())))
     rewards: Any = Array(np.float64, ("tracks",))
@@ -539,10 +541,14 @@ class Arrays(NamedTuple):
             noise=(float, 7),
             # ln(1 - maximum posterior), equal priors.
             log_error=float,
+            # The likelihood of all other types over that of the likeliest one.
+            type_ratio=float,
         ),
         (1,),
         "thread",
     )
+    # Likelihoods of the types over the largest of a hypothesis, as in `scratch`.
+    type_likelihoods: Any = Array(np.float64, ("type_count", LANES), "thread")
     # [m]
     radii: Any = Array(np.float64, ("radii_count",), "options")
     # Of every mode [1/m], positive to the left; and its type, from 0 on.
@@ -609,6 +615,8 @@ PARAMETERS = np.dtype(
                 # Ln R, mean of the axes; 1 / sqrt(R) [1/m].
                 "log_noise",
                 "noise_whitener",
+                # A declaration counts from this ln(1 - posterior) of a mode, or a type, on.
+                "log_error_allowed",
                 # Of a step, and of a change of the statement to a wrong mode.
                 "delay_cost",
                 "change_cost",
@@ -622,10 +630,11 @@ PARAMETERS = np.dtype(
             for name in (
                 # Of the measurements, see `noise`.
                 "noise_law",
-                # n radii, n + 1 with the straight line, and M hypotheses.
+                # n radii, n + 1 with the straight line, M hypotheses, and their types.
                 "radii_count",
                 "columns",
                 "modes",
+                "type_count",
                 # Number of distinct covariances, 1 or 2, and of actions.
                 "axes",
                 "action_count",

@@ -133,6 +133,17 @@ def write_segment(
     singles[8] = min(max(ticks * ticks * vv, 0.0), LARGEST_ANCHOR)
 
 
+@inlined
+def mask_declarations(mask: NDArray[np.int8], others: float, setting: Any) -> None:
+    """Write whether declarations count, (actions,): the posterior of a mode, or of a type,
+    reaches `evidence`. others: as in `log_error_probability`.
+    """
+    # A comparison with NaN is False, so that a declaration counts.
+    early = log_error_probability(others) > setting.log_error_allowed
+    for action in range(1, mask.size):
+        mask[action] = 0 if early else 1
+
+
 @internal
 def write_twin(row: NDArray[np.float32], block: Any, lane: int, bank: Any, setting: Any) -> None:
     """Write the row of a track at a tick where it is not that of the bank: the measurement alone,

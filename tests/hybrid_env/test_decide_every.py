@@ -14,6 +14,7 @@ AWARE = {"bank": "anchor_aware"}
 ANNOUNCED = [
     pytest.param({}, id="published"),
     pytest.param(AWARE, id="anchor-aware"),
+    pytest.param(AWARE | {"evidence": 0.9}, id="mask"),
     pytest.param(ENVIRONMENTS["HybridTrackBank-v0"] | {"decide_every": 1}, id="types"),
     pytest.param({"observation": "raw", "missed": 0.2}, id="raw, missing ticks"),
     pytest.param({"observation": "state"}, id="state"),

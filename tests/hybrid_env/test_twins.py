@@ -27,6 +27,7 @@ def test_twins_have_the_same_episodes_and_every_row_is_in_its_space():
             observation=name,
             scheme="random 2x5-20",
             bank="anchor_aware",
+            evidence=0.9,
             radii=BANK_RADII,
             correctness="type",
             actions="types",

@@ -27,6 +27,7 @@ MADE = [
     ("HybridTrackPublished-v0", SAME, BRIEF | {"sensors": SENSORS, "missed": 0.4}),
     ("HybridTrackBank-v0", NEXT, BRIEF | {"decide_every": 5, "missed": 0.3}),
     ("HybridTrackRaw-v0", SAME, BRIEF | {"decide_every": 4, "missed": 0.2}),
+    ("HybridTrack-v0", NEXT, BRIEF | {"decide_every": 4, "evidence": 0.9}),
     ("HybridTrack-v0", NEXT, BRIEF | {"decide_every": 4, "observation": "state"}),
     ("HybridTrackQuickest-v0", SAME, SHORT | {"sensors": SENSORS, "noise": "student_t 3"}),
     (
@@ -55,7 +56,7 @@ MADE = [
 VIEWS = {
     "announced": (
         HybridTrackVectorEnv,
-        {"scheme": "random 2x5-9", "radii": (3.0, 5.0), "bank": "anchor_aware"},
+        {"scheme": "random 2x5-9", "radii": (3.0, 5.0), "bank": "anchor_aware", "evidence": 0.5},
     ),
     "unknown": (HybridTrackQuickestVectorEnv, SHORT),
 }
@@ -107,13 +108,13 @@ def compare_infos(mine, other):
             )
 
 
-def test_without_tick_info_the_decisions_are_left():
+def test_without_tick_info_the_mask_and_the_decisions_are_left():
     vector, options = VIEWS["announced"]
     short, described = (vector(3, tick_info=shown, **options) for shown in (False, True))
     generator = np.random.default_rng(2)
     info, full = short.reset(seed=7)[1], described.reset(seed=7)[1]
     for _ in range(60):
-        assert info.keys() <= full.keys() - {"tick"}
+        assert {"action_mask", "_action_mask"} <= info.keys() <= full.keys() - {"tick"}
         np.testing.assert_equal(info, {name: full[name] for name in info})
         actions = random_actions(generator, 3, short.single_action_space.n)
         info, full = short.step(actions)[4], described.step(actions)[4]

@@ -82,12 +82,14 @@ IDENTITY: Triangle4 = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
 """P := I, as in the published algorithms (Tsyganov 2019, line 28; Golubkov 2018, setFilters)."""
 
 
-def bank_arrays(bank: Any, radii_count: int, modes: int | None = None) -> Any:
-    """Return a bank of zeros of one block of tracks. modes: M, if it is not 2 n + 1."""
+def bank_arrays(bank: Any, radii_count: int, axes: int = 1, modes: int | None = None) -> Any:
+    """Return a bank of zeros for n radii and 1 or 2 distinct axes, of one block of tracks. modes:
+    M, if it is not 2 n + 1.
+    """
     sizes = {
         "modes": 2 * radii_count + 1 if modes is None else modes,
         "columns": radii_count + 1,
-        "axes": 1,
+        "axes": axes,
         "blocks_count": 1,
     }
     arrays = {name: allocate(array, sizes) for name, array in declared(bank).items()}

@@ -9,7 +9,14 @@ from typing import Any
 from hybrid_env.core.banks.bank import estimate_of
 from hybrid_env.core.compilation import formula, internal
 from hybrid_env.core.elementary import exp
-from hybrid_env.core.memory import FloatArray, Triangle4, state_of, triangle_of, write_lane
+from hybrid_env.core.memory import (
+    FloatArray,
+    IntArray,
+    Triangle4,
+    state_of,
+    triangle_of,
+    write_lane,
+)
 from hybrid_env.core.vectors import combination, minus_square
 
 # Logarithms of smaller ratios of likelihoods count as this one.
@@ -51,6 +58,34 @@ def compare(bank: Any, log_posterior: Callable[[Any], FloatArray], first: int, l
             sums.others[lane] += 0.0 if sums.likeliest[lane] == h else likelihood
     for lane in range(first, last):
         sums.inverse[lane] = 1.0 / (1.0 + sums.others[lane])
+
+
+@internal
+def compare_types(
+    bank: Any, types: IntArray, likelihoods: FloatArray, ratios: FloatArray, first: int, last: int
+) -> None:
+    """Compute the ratio of all other types to the likeliest type of lanes first .. last - 1,
+    (LANES,), after `compare`. types: (M,) of every hypothesis; likelihoods: (types, LANES), both
+    overwritten.
+    """
+    for of_type in range(likelihoods.shape[0]):
+        for lane in range(first, last):
+            likelihoods[of_type, lane] = 0.0
+    for h in range(types.size):
+        of_type = types[h]
+        for lane in range(first, last):
+            likelihoods[of_type, lane] += bank.likelihoods[h, lane]
+    for lane in range(first, last):
+        likeliest_type = 0
+        for of_type in range(1, likelihoods.shape[0]):
+            if likelihoods[of_type, lane] > likelihoods[likeliest_type, lane]:
+                likeliest_type = of_type
+        # The sum of the smaller ones is not a difference, which would lose the digits of small
+        # terms.
+        others = 0.0
+        for of_type in range(likelihoods.shape[0]):
+            others += likelihoods[of_type, lane] if of_type != likeliest_type else 0.0
+        ratios[lane] = others / likelihoods[likeliest_type, lane]
 
 
 @internal

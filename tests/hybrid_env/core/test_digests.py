@@ -57,8 +57,13 @@ DIGESTS = [
         id="kept covariance",
     ),
     pytest.param(
-        ENVIRONMENTS["HybridTrackBank-v0"] | {"decide_every": 1},
-        "973d6f0c2b85adb36007f1787d88ed961ef59c797e2b5ba442da751a1813445d",
+        {"bank": "anchor_aware", "evidence": 0.95},
+        "c8ff35647e0aa481f837c7479f26a4de29bc9acda891608a077772f2adbd5d4f",
+        id="evidence",
+    ),
+    pytest.param(
+        ENVIRONMENTS["HybridTrackBank-v0"] | {"decide_every": 1, "evidence": 0.95},
+        "fdce2214f376fd532904e5d6a98cde8c57c4d7ad6442016c568764020698340f",
         id="types that follow the bank",
     ),
     pytest.param(

@@ -89,7 +89,7 @@ KINDS = {
     "announced": (
         HybridTrackVectorEnv,
         HybridTrackEnv,
-        {"scheme": "S5 L6r5", "bank": "anchor_aware"},
+        {"scheme": "S5 L6r5", "evidence": 0.5, "bank": "anchor_aware"},
     ),
     "unknown": (HybridTrackQuickestVectorEnv, HybridTrackQuickestEnv, {"ticks": 9}),
 }
