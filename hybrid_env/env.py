@@ -62,6 +62,22 @@ class TrackEnv(OwnState, gym.Env[Float32Array, np.int64]):
         """Return which actions count now, (actions,), as sb3-contrib's `MaskablePPO` reads them."""
         return self.world.action_mask[0] > 0
 
+    def get_keys_to_action(self) -> dict[tuple[int], int]:
+        """Return actions by key for `gymnasium.utils.play`: w straight, a left, d right, s stop,
+        each for the first mode of this type.
+        """
+        by_type = getattr(self.options, "actions", "all") == "types"
+        types = [mode.type for mode in self.options.all_modes]
+        types = list(self.options.type_names) if by_type else types
+        first = int(self.options.switches == "announced")
+        last = self.options.action_count - 1
+        keys = {"w": "straight", "a": "left", "d": "right", "s": "stop"}
+        return {
+            (ord(key),): min(first + types.index(of_type), last)
+            for key, of_type in keys.items()
+            if of_type in types
+        }
+
     def _bind_views(self) -> None:
         """Create views of the single track once, because creating them takes longer than a tick."""
         self._actions = self.world.actions

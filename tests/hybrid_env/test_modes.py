@@ -233,8 +233,8 @@ def test_a_fixed_scheme_moves_and_stops_the_object():
     np.testing.assert_allclose([y, vy], 0.0, atol=1e-12)
 
 
-@pytest.mark.parametrize("env_id", ENVS.values())
-def test_copies_of_an_environment(env_id):
+@pytest.mark.parametrize(("kind", "env_id"), ENVS.items())
+def test_copies_and_keys_of_an_environment(kind, env_id):
     modes = (*MODES, *every_mode()[-2:])
     env = gym.make(f"hybrid_env:{env_id}", modes=modes).unwrapped
     env.reset(seed=2)
@@ -245,6 +245,9 @@ def test_copies_of_an_environment(env_id):
     for each in copies:
         assert each.options == env.options
         np.testing.assert_equal(each.step(0), expected)
+    first = int(kind == "announced")
+    keys = {chr(key): action - first for (key,), action in env.get_keys_to_action().items()}
+    assert keys == {"w": 0, "a": 1, "d": 2, "s": 3}
 
 
 def test_the_modes_of_the_page_move_the_object_as_it_says():

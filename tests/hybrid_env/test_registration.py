@@ -10,7 +10,7 @@ from gymnasium.utils.env_checker import check_env as gymnasium_check
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode
 
 import hybrid_env
-from hybrid_env import ArgumentError, Sensor
+from hybrid_env import ArgumentError, HybridTrackEnv, Sensor
 
 SENSORS = (
     Sensor(variance=0.4, period=2),
@@ -88,6 +88,14 @@ def test_episodes_end_at_the_limit_of_the_id_unless_another_is_given():
             *_, terminated, truncated, _ = env.step(wait)
             assert np.all(truncated) == (last == 10_000)
             assert not np.any(terminated)
+
+
+def test_the_keys_declare_straight_left_and_right():
+    for key, expected in (("w", {0}), ("a", {1, 2}), ("d", {3, 4})):
+        env = HybridTrackEnv(radii=(3.0, 5.0), actions="types", correctness="type")
+        env.reset(seed=0)
+        *_, info = env.step(env.get_keys_to_action()[(ord(key),)])
+        assert info["decided_mode"] in expected
 
 
 @pytest.mark.parametrize("make", [gym.make, gym.make_vec])
