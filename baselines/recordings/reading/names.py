@@ -40,9 +40,10 @@ ROLES = {
     # Of earth-centred, earth-fixed positions; otherwise the altitude.
     "z": (
         "z pos_z z_pos posz position_z z_position pz ecef_z z_ecef z_ned ned_z alt altitude"
-        " altitudes ele elevation height altitude_meters geoaltitude geo_altitude baroaltitude"
-        " baro_altitude alt_geom alt_baro gps_altitude gps_alt altitude_msl amsl msl flight_level"
-        " fl höhe hoehe altura altitud hauteur quota hoogte wysokosc высота 高度 海拔"
+        " altitudes enhanced_altitude ele elevation height altitude_meters geoaltitude"
+        " geo_altitude baroaltitude baro_altitude alt_geom alt_baro gps_altitude gps_alt"
+        " altitude_msl amsl msl flight_level fl höhe hoehe altura altitud hauteur quota hoogte"
+        " wysokosc высота 高度 海拔"
     ),
     # Latitude and longitude in one cell.
     "position": (
@@ -77,11 +78,12 @@ ROLES = {
     ),
     "speed": (
         "speed sog speed_over_ground ground_speed groundspeed gs gspeed velocity spd speed_kmh"
-        " speed_knots speed_kn speed_ms gps_speed enhanced_speed speedoverground gnd_spd speed_2d"
+        " speed_knots speed_kn speed_ms gps_speed enhanced_speed vehicle_speed speedoverground"
+        " gnd_spd speed_2d"
     ),
     "course": (
         "course cog course_over_ground track true_track track_angle ground_track direction angle"
-        " gps_course courseoverground track_deg cog_deg"
+        " gps_course courseoverground track_deg cog_deg vehicle_angle"
     ),
     # Where the object points to; used where nothing says where it goes.
     "heading": "heading hdg true_heading gps_heading heading_deg",

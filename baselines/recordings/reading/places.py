@@ -153,7 +153,7 @@ def _altitudes(
     name, own = split_unit(table.names[roles["z"]])
     own = "flight level" if name in ("fl", "flight_level") else own
     heights = {**METRES, "flight level": 30.48}
-    if own is None and unit == "m":
+    if own is None and unit == "m" and np.nanstd(values[:, 2]) > 0.0:
         table.notes.append(f"{table.label(roles['z'])!r} taken as altitude in m (name it ..._ft)")
     # What is not known is the unit of the positions.
     own = own if own in heights else unit or "m"
