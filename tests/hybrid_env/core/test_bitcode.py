@@ -31,6 +31,8 @@ def raising(address, command):
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     """An empty folder, beside an empty cache."""
+    # Code with checked indices is never saved.
+    monkeypatch.setattr(compilation.config, "BOUNDSCHECK", None)
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
     compilation.cache_folder.cache_clear()
     (tmp_path / "saved").mkdir()
