@@ -31,7 +31,8 @@ def raising(address, command):
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     """An empty folder, beside an empty cache."""
-    # Code with checked indices is never saved.
+    # Code with checked indices is never saved; numba reads its settings again when they change.
+    monkeypatch.delenv("NUMBA_BOUNDSCHECK", raising=False)
     monkeypatch.setattr(compilation.config, "BOUNDSCHECK", None)
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
     compilation.cache_folder.cache_clear()
