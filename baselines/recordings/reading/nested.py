@@ -156,11 +156,13 @@ def rows_of_ais(lines: "pd.Series[str]", file: str) -> tuple[pd.DataFrame, pd.In
             damaged.append(line)
             continue
         # Other messages have none; these numbers say that nothing is known.
-        if {"lat", "speed"} <= report.keys() and abs(report["lat"]) <= 90.0:
-            speed = report["speed"] if report["speed"] < 102.2 else None
-            course = report["course"] if report["course"] < 360.0 else None
-            row = {"time": time, "mmsi": report["mmsi"], "lat": report["lat"], "lon": report["lon"]}
-            rows.append((line, row | {"sog": speed, "cog": course}))
+        names = "lat", "lon", "speed", "course"
+        lat, lon, speed, course = (report.get(name) for name in names)
+        if isinstance(lat, float) and isinstance(lon, float) and abs(lat) <= 90.0:
+            row = {"time": time, "mmsi": report["mmsi"], "lat": lat, "lon": lon}
+            row["sog"] = speed if speed is not None and speed < 102.2 else None
+            row["cog"] = course if course is not None and course < 360.0 else None
+            rows.append((line, row))
     if not rows:
         raise ArgumentError(f"{file}: AIS sentences without reports of positions")
     numbers, cells = zip(*rows, strict=True)

@@ -141,7 +141,7 @@ def parse_times(
         allowed = f"one of {', '.join(SECONDS)}, or a format such as '%d/%m/%Y %H:%M:%S'"
         raise reject("time_unit", unit, allowed)
     if pd.api.types.is_datetime64_any_dtype(cells):
-        return _from_dates(pd.to_datetime(cells, utc=True), "dates")
+        return _from_dates(_dates(cells), "dates")
     texts = texts_of(cells).str.removesuffix(" UTC")
     texts = texts.str.replace(r"(?<=:\d\d),(?=\d)", ".", regex=True)
     if dates is not None and texts.str.match(r"\d{1,2}:\d|\d{5,6}(?:\.\d*)?$").mean() > 0.5:
@@ -234,7 +234,7 @@ def _recognised(texts: Cells) -> Times:
     now = pd.Timestamp.now("UTC")
 
     def rank(form: str) -> tuple[Any, ...]:
-        dates = pd.to_datetime(sample, format=form, utc=True, errors="coerce")
+        dates = _dates(sample, form)
         share, last = round(dates.notna().mean(), 1), dates.max()
         return share, last <= now, dates.min() - last, last.year
 
@@ -254,10 +254,16 @@ def _forms() -> list[str]:
     return [*whole, *clocks, *days, *(f"{day} {clock}" for day in days for clock in clocks)]
 
 
+def _dates(cells: Cells, form: str | None = None) -> Cells:
+    """Return the dates of cells, none for those that pandas cannot subtract."""
+    dates = pd.to_datetime(cells, format=form, utc=True, errors="coerce")
+    return dates.where(dates.dt.year.between(1700, 2200))
+
+
 def _formed(texts: Cells, form: str) -> Times:
     """Return the times of texts in a format, with or without a date."""
     try:
-        dates = pd.to_datetime(texts, format=form, utc=True, errors="coerce")
+        dates = _dates(texts, form)
     except (ValueError, LookupError, TypeError, OverflowError, re.error) as error:
         raise reject("time_unit", form, f"a format of dates ({error})") from None
     # Of formats without a date.
