@@ -24,7 +24,8 @@ def matrix_likelihood(z, v, R, Q, deviation):
     kalman = MatrixKalmanFilter(start, P, 0.0, 1.0, Q, R * np.eye(2))
     after = []
     for point, velocity in zip(z[second + 1 :], v[second + 1 :], strict=True):
-        kalman.rates = [(velocity, None, deviation)] if velocity.size else []
+        told = velocity.size and not np.isnan(velocity).any()
+        kalman.rates = [(velocity, None, deviation)] if told else []
         kalman.step(None if np.isnan(point[0]) else point)
         if not np.isnan(point[0]):
             after.append(kalman.log_likelihood)
@@ -38,7 +39,12 @@ def test_straight_motion_has_the_likelihood_of_a_matrix_filter(modes, velocities
     parts = [np.cumsum(rng.normal(1.0, 0.3, (length, 2)), axis=0) for length in (40, 40, 25)]
     for part in parts:
         part[rng.random(len(part)) < 0.3] = np.nan
-    rates = [rng.normal(1.0, 0.3, (len(part), velocities)) for part in parts]
+    # Where there is no position there is no velocity.
+    drawn = [rng.normal(1.0, 0.3, (len(part), velocities)) for part in parts]
+    rates = [
+        np.where(np.isnan(part[:, :1]), np.nan, each)
+        for part, each in zip(parts, drawn, strict=True)
+    ]
     pieces = tuple(
         Piece(0, len(part), np.arange(len(part)), np.zeros(len(part)), part, measured)
         for part, measured in zip(parts, rates, strict=True)
