@@ -96,6 +96,8 @@ def read_recordings(
             option that helps.
     """
     table = read_table(path)
+    if table.frame.empty:
+        raise reject("file", table.file, "rows of numbers")
     polar = ("range", "bearing", "rate")
     axes = (("x", "y"), ("lat", "lon"), polar[:2]) if radar is None else (polar[: radar.values],)
     roles = find_columns(table, columns, object_column, axes)

@@ -121,6 +121,11 @@ def test_a_single_row_of_its_own_time_is_refused(read):
         read("t,x,y\n,z\n" + "".join(f"{k},4000000,{k},4960000\n" for k in range(9)))
 
 
+def test_a_file_whose_only_line_is_damaged_has_no_rows(read):
+    with pytest.raises(ArgumentError, match="expected rows of numbers"):
+        read(b'0.0\x01\x01\x0b"\x0b\x01')
+
+
 @pytest.mark.parametrize("text", ["[" * 20_000, "t,x" + " " * 9_000 + "[,y"])
 def test_long_names_of_columns_take_no_time(read, text):
     accepted(lambda: read(text + "\n" + ROWS))
