@@ -22,7 +22,8 @@ from agents.interface.output_files import atomic_folder, write_json
 from agents.interface.parallel import Workers
 from agents.interface.progress import print_lines, progress_display
 from agents.interface.world_arguments import TrustArguments
-from agents.recordings.tracking import TrackedRecording, TrackingArguments
+from agents.recordings.tracked_recording import TrackedRecording
+from agents.recordings.tracking import TrackingArguments
 from baselines.recordings.reading.names import GIVEN_ROLES, ROW_FILES, columns_by_role
 from hybrid_env.checks import ArgumentError, Count, Positive, reject
 from hybrid_env.extras import explained

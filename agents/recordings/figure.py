@@ -11,7 +11,7 @@ from matplotlib.patches import Ellipse
 from matplotlib.transforms import blended_transform_factory
 
 from agents.figures.canvas import GREY, new_canvas
-from agents.recordings.tracking import TrackedRecording
+from agents.recordings.tracked_recording import TrackedRecording
 from baselines.estimation.forecast import forecast
 from hybrid_env.checks import FloatArray, IntArray, Moments
 from hybrid_env.rendering.evidence import mode_colour

@@ -9,7 +9,7 @@ import pandas as pd
 
 from agents.figures.canvas import GREY
 from agents.recordings.figure import mode_colours, mode_lines, thinned
-from agents.recordings.tracking import TrackedRecording
+from agents.recordings.tracked_recording import TrackedRecording
 from baselines.recordings.recording import iso_texts
 from hybrid_env.checks import AnyArray, FloatArray
 from hybrid_env.extras import explained
