@@ -172,16 +172,17 @@ def _changes(t: FloatArray, z: FloatArray, variance: float) -> FloatArray:
     count, penalty = len(t), _penalty(len(t))
     best, last = np.full(count + 1, np.inf), np.zeros(count + 1, int)
     best[0] = -penalty
-    open_ = np.zeros(1, int)
+    # Where the last piece may begin.
+    begins = np.zeros(1, int)
     for end in range(SHORTEST, count + 1):
-        n, s, h, ss, sh, hh = sums[:, [end]] - sums[:, open_]
+        n, s, h, ss, sh, hh = sums[:, [end]] - sums[:, begins]
         within = hh - h * h / n - (sh - s * h / n) ** 2 / np.maximum(ss - s * s / n, 1e-300)
-        total = best[open_] + np.maximum(within, 0.0) / variance
+        total = best[begins] + np.maximum(within, 0.0) / variance
         k = int(total.argmin())
-        best[end], last[end] = total[k] + penalty, open_[k]
-        open_ = open_[total <= best[end]]
+        best[end], last[end] = total[k] + penalty, begins[k]
+        begins = begins[total <= best[end]]
         if end >= 2 * SHORTEST - 1:
-            open_ = np.append(open_, end - SHORTEST + 1)
+            begins = np.append(begins, end - SHORTEST + 1)
     borders = [count]
     while borders[-1] > 0:
         borders.append(int(last[borders[-1]]))
@@ -203,12 +204,12 @@ def _without_small(corners: FloatArray, t: FloatArray, z: FloatArray, variance: 
         spread = _inverse(line.information[:size, :size])
         variances = variance * np.einsum("ki,ij,kj->k", bends, spread, bends)
         squares = np.diff(line.slopes) ** 2 / variances
-        small = squares <= 2.0 * _penalty(len(t))
-        if not small.any():
-            return line
         # Smaller than those beside it.
         sides = np.pad(squares, 1, constant_values=np.inf)
-        small &= (squares <= sides[:-2]) & (squares < sides[2:])
+        small = (squares <= sides[:-2]) & (squares < sides[2:])
+        small &= squares <= 2.0 * _penalty(len(t))
+        if not small.any():
+            return line
         corners = np.delete(corners, np.flatnonzero(small) + 1)
 
 
