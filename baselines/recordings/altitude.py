@@ -9,9 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.ndimage import median_filter
 from scipy.sparse import csr_array
 
-from hybrid_env.checks import FloatArray, IntArray
+from hybrid_env.checks import BoolArray, FloatArray, IntArray
 
 # Rows of a longer recording are joined to so many means.
 MOST = 20_000
@@ -53,6 +54,7 @@ def vertical_motion(times: FloatArray, altitudes: FloatArray, parts: ArrayLike) 
     pieces, of_pieces = [np.empty((0, 2), int)], [np.empty((0, 3))]
     for first, end in np.asarray(parts).tolist():
         known = first + np.flatnonzero(np.isfinite(altitudes[first:end]))
+        known = known[~_far(altitudes[known])]
         if len(known) < 2 * SHORTEST:
             continue
         # Exact in any unit.
@@ -74,6 +76,15 @@ def vertical_motion(times: FloatArray, altitudes: FloatArray, parts: ArrayLike) 
     return VerticalMotion(
         rows[0], rows[1], rows[2], np.concatenate(pieces), np.concatenate(of_pieces)
     )
+
+
+def _far(z: FloatArray) -> BoolArray:
+    """Return which altitudes (n,) are errors, far from those around: numbers for no altitude."""
+    if len(z) < SHORTEST:
+        return np.zeros(len(z), np.bool_)
+    apart = np.abs(z - median_filter(z, 5, mode="nearest"))
+    low, usual, high = np.quantile(z, 0.05), np.quantile(apart, 0.9), np.quantile(z, 0.95)
+    return np.asarray(apart > 10.0 * usual + 0.05 * (high - low))
 
 
 def _fitted_line(t: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, float]:

@@ -52,6 +52,8 @@ def test_deviations_of_the_rates_are_true():
 def test_missing_altitudes_and_gaps_are_between_and_outside_of_pieces():
     measured = TRUE + 2.0 * np.random.default_rng(1).normal(size=len(TRUE))
     measured[[5, 300, 301]] = np.nan
+    # A receiver without an altitude.
+    measured[[20, 250, 600]] = -9999.0
     found = vertical_motion(np.arange(len(TRUE)) * 1.0, measured, [(0, 390), (410, 800)])
     assert np.isfinite(found.altitudes[[5, 300]]).all()
     assert np.isnan(found.altitudes[390:410]).all()
