@@ -257,6 +257,14 @@ def _attributes(text: str) -> dict[str, Any]:
     return values
 
 
+def velocity_variance_of(sensors: Sequence[Sensor | Radar]) -> float | None:
+    """Return the variance of measured velocities [m^2/s^2]; None unless the only sensor measures
+    them.
+    """
+    sensor = sensors[0] if len(sensors) == 1 else None
+    return sensor.velocity_variance if isinstance(sensor, Sensor) else None
+
+
 def sensor_table(sensors: Sequence[Sensor | Radar], variance: float) -> AnyArray:
     """Return (k,) records `SENSOR` for the kernel; variance: R [m^2]."""
     table = np.zeros(len(sensors), SENSOR)

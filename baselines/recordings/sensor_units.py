@@ -9,7 +9,7 @@ import numpy as np
 
 from baselines.estimation.turns import TurnEstimate
 from hybrid_env.checks import LARGEST_NUMBER, FloatArray, Moments, check_array, reject
-from hybrid_env.sensors import Fused, Radar, Sensor, fuse
+from hybrid_env.sensors import Fused, Radar, Sensor, fuse, velocity_variance_of
 
 if TYPE_CHECKING:
     from baselines.recordings.projection import Projection
@@ -60,7 +60,7 @@ class SensorUnits:
         if velocity is not None:
             fused = self.measured(measurement, time)
             given = check_array("velocity", velocity, (2,), missing=True)
-            if [sensor.rates for sensor in self.sensors] != [2]:
+            if velocity_variance_of(self.sensors) is None:
                 allowed = "none: the options have no single sensor that measures the velocity"
                 raise reject("velocity", velocity, allowed)
             return fused and fused._replace(rates=tuple(self.rates(given).tolist()))

@@ -12,7 +12,7 @@ import numpy as np
 from hybrid_env.checks import FloatArray, Moments
 from hybrid_env.compiled import compiled
 from hybrid_env.options import ModelOptions
-from hybrid_env.sensors import Sensor
+from hybrid_env.sensors import velocity_variance_of
 
 
 def unit_noise(options: ModelOptions) -> FloatArray:
@@ -104,13 +104,12 @@ class FirstMeasurements:
         """
         self._tick += 1
         variances = unit_noise(self.options) if noise is None else noise
-        sensor = self.options.sensors[0] if self.options.sensors else None
-        known = len(rates) > 1 and np.isfinite(rates[:2]).all()
-        if known and isinstance(sensor, Sensor) and sensor.velocity_variance is not None:
-            vx, vy = rates[:2]
+        variance = velocity_variance_of(self.options.sensors)
+        if variance is not None and len(rates) == 2 and np.isfinite(rates).all():
+            vx, vy = rates
             self.estimate = np.array([x - late * vx, vx, y - late * vy, vy])
             xx, xy, yy = variances
-            self.covariance = np.diag([xx, sensor.velocity_variance, yy, sensor.velocity_variance])
+            self.covariance = np.diag([xx, variance, yy, variance])
             self.covariance[0, 2] = self.covariance[2, 0] = xy
             self.complete = True
             return

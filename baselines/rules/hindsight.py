@@ -35,7 +35,7 @@ from hybrid_env.compiled import compiled, run_compiled
 from hybrid_env.live import TRIANGLE
 from hybrid_env.noises import StudentNoise
 from hybrid_env.quickest_options import QuickestOptions
-from hybrid_env.sensors import Sensor
+from hybrid_env.sensors import velocity_variance_of
 
 # Share of the process noise of a recording, found or given, by which modes are decided: a noise
 # that was found also covers brakes, and turns that begin gradually. It was chosen for simulated
@@ -246,9 +246,9 @@ def with_velocities(
     """Return what a `PieceSmoother` reads of rows, see `smooth_modes`: their positions, and the
     velocities if the only sensor measures them, with their noises; range rates are not used.
     """
-    sensor = options.sensors[0] if len(options.sensors) == 1 else None
-    if isinstance(sensor, Sensor) and sensor.velocity_variance and rows.shape[1] > 2:
-        return rows[:, [0, 1, 5, 6]], np.insert(noises, 3, sensor.velocity_variance, axis=1)
+    variance = velocity_variance_of(options.sensors)
+    if variance is not None and rows.shape[1] > 2:
+        return rows[:, [0, 1, 5, 6]], np.insert(noises, 3, variance, axis=1)
     return rows[:, :2].copy(), noises
 
 
