@@ -210,6 +210,33 @@ class Accelerate(Mode):
 
 
 @dataclass(frozen=True)
+class Stopping(Mode):
+    """The object slows down to a stop: its velocity decays exponentially.
+
+    Attributes:
+        time: in which the speed falls by a factor of e [s].
+    """
+
+    time: Annotated[float, Interval(gt=0.0, le=1e18), Unit("s")]
+
+    @property
+    def label(self) -> str:
+        """See `Mode.label`."""
+        return self.type
+
+    @property
+    def type(self) -> str:
+        """See `Mode.type`."""
+        return Stop.words
+
+    def matrices(self, tau: float) -> Matrices:
+        """See `Mode.matrices`."""
+        left = math.exp(-tau / self.time)
+        axis = [[1.0, self.time * (1.0 - left)], [0.0, left]]
+        return np.kron(np.eye(2), np.array(axis)), np.zeros(4), None
+
+
+@dataclass(frozen=True)
 class LinearMode(Mode):
     """A linear mode x' = F x + B + w, w ~ N(0, Q), of the state [x, vx, y, vy] or [x, vx, ax, y,
     vy, ay]. The accelerations are 0 at a switch.
@@ -304,7 +331,7 @@ def parse_modes(value: Any, name: str = "modes") -> tuple[Mode, ...] | None:
         if mode is None:
             allowed = (
                 "modes of hybrid_env.modes, or their names: 'straight', 'left 5', 'right 5',"
-                " 'stop', 'accelerate 0.5', 'turn rate 0.2'"
+                " 'stop', 'stopping 2', 'accelerate 0.5', 'turn rate 0.2'"
             )
             raise reject(name, part, allowed)
         modes.append(mode)
@@ -332,7 +359,7 @@ def mode_of_text(text: Any) -> Mode | None:
         numbers = [float(match[2])] if match[2] else []
         if match[1] in ("left", "right"):
             return Turn(*(number if match[1] == "left" else -number for number in numbers))
-        kinds: tuple[type[Mode], ...] = (Straight, Stop, TurnRate, Accelerate)
+        kinds: tuple[type[Mode], ...] = (Straight, Stop, Stopping, TurnRate, Accelerate)
         return next(kind(*numbers) for kind in kinds if kind.words == match[1])
     except (StopIteration, TypeError, ValueError):
         return None

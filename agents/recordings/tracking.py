@@ -185,9 +185,12 @@ class TrackingArguments(ErrorArguments):
         """Decide the rows of each piece, live or with hindsight."""
         lengths = self._lengths(found.grid)
         start = None if self.initial_state is None else np.array(self.initial_state)
-        decide = decide_piece if live else smooth_piece
-        arguments = found.tracker, lengths, start
-        return [decide(recording, piece, *arguments) for piece in found.grid.pieces]
+        grid, tracker = found.grid, found.tracker
+        if live:
+            return [decide_piece(recording, each, tracker, lengths, start) for each in grid.pieces]
+        options = found.model.unknown_switches(self.durations, grid.longest, grid.radar)
+        seen = options, tracker.units, lengths, start
+        return [smooth_piece(recording, each, *seen) for each in grid.pieces]
 
     def _decider_name(self) -> str:
         announced = self.live and self.lengths
@@ -230,8 +233,7 @@ class TrackingArguments(ErrorArguments):
                     **options, scheme=f"random {segments}x{min(lengths)}-{max(lengths)}"
                 )
             else:
-                longest = max(len(piece.measurements) for piece in grid.pieces)
-                world = model.unknown_switches(self.durations, longest, grid.radar)
+                world = model.live.unknown_switches(self.durations, grid.longest, grid.radar)
         except ArgumentError as error:
             if str(error).startswith(tuple(model.options())):
                 raise ArgumentError(model.cause() or f"the filters: {error}") from None

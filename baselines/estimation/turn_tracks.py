@@ -18,6 +18,7 @@ from baselines.estimation.turns import (
 )
 from hybrid_env.checks import AnyArray, FloatArray, Moments
 from hybrid_env.live import LiveTracks
+from hybrid_env.modes import Stopping
 from hybrid_env.sensors import Fused
 
 # Types of modes: of straight motion, and of all that is none of the next ones, 0, of left turns 1,
@@ -48,7 +49,9 @@ class TurnTracks(LiveTracks):
         self._unit_noise = np.array([x, 0.0, y])
         self._filter = TurnFilter(options.tau, options.process_variance, STANDING + 1)
         self._types = [
-            STANDING if mode.type == "stop" else int(np.sign(mode.signed_radius)) % 3
+            STANDING
+            if mode.type == "stop" and not isinstance(mode, Stopping)
+            else int(np.sign(mode.signed_radius)) % 3
             for mode in options.all_modes
         ]
         # The decided type when the filters began; -1 if they have not.

@@ -8,11 +8,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from baselines.recordings.recording import Recording
+from baselines.recordings.sensor_units import SensorUnits
 from baselines.recordings.ticks import Piece
 from baselines.recordings.tracker import OnlineTracker
 from baselines.rules.hindsight import PROCESS_SHARE, smooth_modes
 from hybrid_env.checks import BoolArray, FloatArray, IntArray
 from hybrid_env.compiled import MOST_RATES
+from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.sensors import Fused
 
 
@@ -43,7 +45,8 @@ class RowDecisions(NamedTuple):
 def smooth_piece(
     recording: Recording,
     piece: Piece,
-    tracker: OnlineTracker,
+    options: QuickestOptions,
+    units: SensorUnits,
     lengths: Sequence[int] = (),
     start: FloatArray | None = None,
 ) -> RowDecisions:
@@ -52,12 +55,11 @@ def smooth_piece(
     Args:
         recording: in its own units.
         piece: between two gaps.
-        tracker: has the model, of unknown switches, and its units.
+        options: the model, of unknown switches.
+        units: of the recording and the options.
         lengths: ticks between switches that are known.
         start: exact state (4,) one tick before the first measurement; None is not known.
     """
-    options: Any = tracker.options
-    units = tracker.units
     times = piece.times(recording.times)
     values = (piece.measurements - units.origin_at(times)[:, ::2]) * units.scales[0]
     for sensor in options.sensors:
@@ -112,7 +114,7 @@ def decide_piece(
     modes = np.zeros(total, int)
     decided = np.zeros(total, bool)
     begun = np.zeros(total, bool)
-    probabilities = np.empty((total, options.hypotheses))
+    probabilities = np.empty((total, len(tracker.mode_names)))
     estimates = np.empty((total, 4))
     covariances = np.empty((total, 4, 4))
     turns = np.empty((total, 4))

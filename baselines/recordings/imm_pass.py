@@ -14,6 +14,7 @@ import numpy as np
 
 from baselines.recordings.ticks import TickGrid
 from baselines.recordings.track_modes import in_units
+from baselines.rules.hindsight import PROCESS_SHARE
 from hybrid_env.checks import AnyArray, BoolArray, FloatArray, IntArray
 from hybrid_env.compiled import (
     LANES,
@@ -31,7 +32,7 @@ from hybrid_env.compiled import (
 )
 from hybrid_env.durations import GeometricDurations
 from hybrid_env.limits import MAX_LENGTH
-from hybrid_env.modes import Mode, modes_of_radii, motion_table
+from hybrid_env.modes import Mode, Stopping, modes_of_radii, motion_table
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.sensors import Radar, Sensor, sensor_table
 
@@ -266,6 +267,8 @@ class TrackModel:
     drift_variance: float = 0.0
     # Of each coordinate of measured velocities; 0 without them.
     velocity_variance: float = 0.0
+    # In which the speed falls by a factor of e before a stop; 0 if that is not known.
+    stopping_time: float = 0.0
 
     @property
     def hypotheses(self) -> int:
@@ -366,6 +369,17 @@ class TrackModel:
             "drift_variance": self.drift_variance * length**2,
             "measurement_variance": 0.1,
         }
+
+    @property
+    def live(self) -> "TrackModel":
+        """The model by which modes are decided from the measurements so far: with a share of the
+        process noise, which may also cover brakes and turns that begin gradually, and with a mode
+        in which the object slows down to a stop.
+        """
+        modes = self.modes
+        if self.stopping_time > 0.0:
+            modes = (*modes, Stopping(self.stopping_time))
+        return replace(self, modes=modes, process_variance=PROCESS_SHARE * self.process_variance)
 
     def unknown_switches(
         self, durations: str | None, ticks: int, radar: Radar | None = None

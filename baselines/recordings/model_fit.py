@@ -19,7 +19,7 @@ from baselines.recordings.ticks import TickGrid
 from baselines.recordings.track_modes import in_units
 from hybrid_env.checks import ArgumentError, FloatArray
 from hybrid_env.compiled import LANES
-from hybrid_env.modes import Mode, Stop, radii_of_modes
+from hybrid_env.modes import Mode, Stop, Stopping, radii_of_modes
 
 # Turns of a tick that are tried [rad]: 0.004 to 1.02.
 ANGLES = tuple(float(angle) for angle in 0.004 * 2.0 ** (0.5 * np.arange(17)))
@@ -342,9 +342,26 @@ def with_stop(grid: TickGrid, moving: TrackModel, whole: TrackModel, longest: fl
     # Given radii are those of the object.
     if not stops or ("radii" in moving.estimated and _turns_are_noise(models[best])):
         return whole
+    found = models[best]
     if "duration" in moving.estimated:
-        return replace(models[best], duration=_counted_duration(passes[best]))
-    return models[best]
+        found = replace(found, duration=_counted_duration(passes[best]))
+    return _with_stopping(grid, found)
+
+
+def _with_stopping(grid: TickGrid, model: TrackModel) -> TrackModel:
+    """Return a model with a stop that also knows how the object slows down to it, if that explains
+    the recording better.
+    """
+
+    def likelihood(modes: tuple[Mode, ...]) -> float:
+        return replace(model, modes=modes).run(grid, (), 2048)[0].log_likelihood
+
+    # A time within a factor of two is good enough.
+    times = [model.tau * ticks for ticks in (1.5, 4.5, 13.5, 40.5)]
+    values = [likelihood((*model.modes, Stopping(time))) for time in times]
+    if max(values) < likelihood(model.modes) + CLEARLY:
+        return model
+    return replace(model, stopping_time=times[int(np.argmax(values))])
 
 
 def _counted_duration(result: Pass) -> float:

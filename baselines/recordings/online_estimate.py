@@ -15,8 +15,8 @@ class OnlineEstimate(NamedTuple):
     """What is known after a measurement.
 
     Attributes:
-        mode: the stated or last declared mode: 0 straight, then the left and the right turns in the
-            order of the radii.
+        mode: the stated or last declared mode, a place in `OnlineTracker.mode_names`: 0 straight,
+            then the left and the right turns in the order of the radii.
         decided: False while the first measurements are collected; then with unknown switches as
             long as the mode is only assumed: until the evidence for it reaches the threshold of the
             decider, without one its probability is .5, or a decider with a threshold changes its

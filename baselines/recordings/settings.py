@@ -61,6 +61,8 @@ class TrackerSettings(Checked):
     wind: tuple[float, float] = (0.0, 0.0)
     # Of measured velocities; 0 without them.
     velocity_variance: FoundOrZero = 0.0
+    # In which the speed falls by a factor of e before a stop; 0 if that is not known.
+    stopping_time: FoundOrZero = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -80,12 +82,13 @@ class TrackerSettings(Checked):
             modes=self.modes,
             drift_variance=self.drift_variance,
             velocity_variance=self.velocity_variance,
+            stopping_time=self.stopping_time,
         )
 
     @property
     def options(self) -> QuickestOptions:
         """The model in the units of an environment."""
-        return self.model.unknown_switches(self.durations, self.ticks, self.radar)
+        return self.model.live.unknown_switches(self.durations, self.ticks, self.radar)
 
     @property
     def origin(self) -> tuple[float, float, float, float]:

@@ -91,6 +91,11 @@ class TickGrid(NamedTuple):
         return sum(len(piece.measurements) for piece in self.pieces)
 
     @property
+    def longest(self) -> int:
+        """Number of ticks of the longest piece."""
+        return max(len(piece.measurements) for piece in self.pieces)
+
+    @property
     def measured(self) -> int:
         """Number of ticks with a measurement."""
         return sum(int(piece.measured.sum()) for piece in self.pieces)

@@ -4,7 +4,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hybrid_env.modes import Accelerate, LinearMode, Mode, Stop, Straight, Turn, radii_of_modes
+from hybrid_env.modes import (
+    Accelerate,
+    LinearMode,
+    Mode,
+    Stop,
+    Stopping,
+    Straight,
+    Turn,
+    radii_of_modes,
+)
 
 
 def in_units(mode: Mode, length: float, velocity: float, tau: float, speed: float) -> Mode:
@@ -23,6 +32,8 @@ def in_units(mode: Mode, length: float, velocity: float, tau: float, speed: floa
         return Turn(length * mode.signed_radius)
     if mode.starting_acceleration:
         return Accelerate(velocity * rate * mode.starting_acceleration)
+    if isinstance(mode, Stopping):
+        return Stopping(mode.time / rate)
     F, B, Q = mode.matrices(tau)
     if isinstance(mode, Stop):
         F = np.diag([1.0, 0.0] * 2)
@@ -33,8 +44,8 @@ def in_units(mode: Mode, length: float, velocity: float, tau: float, speed: floa
 
 
 def letter(mode: Mode) -> str:
-    """Return S, L or R, or the name of a mode of another kind."""
-    return mode.label[0] if mode.signed_radius or isinstance(mode, Straight) else mode.name
+    """Return S, L or R, or the label of a mode of another kind."""
+    return mode.label[0] if mode.signed_radius else mode.label
 
 
 def names_of_modes(modes: Sequence[Mode]) -> list[str]:

@@ -24,7 +24,6 @@ from baselines.recordings.track_state import Snapshot, TrackState
 from baselines.rules.decider import Decider
 from baselines.rules.external import CheckedDecider, as_decider, name_of
 from baselines.rules.fixed_lag import LARGEST_LAG, FixedLagSmoother
-from baselines.rules.hindsight import PROCESS_SHARE
 from hybrid_env.checks import (
     FloatArray,
     Moments,
@@ -139,6 +138,16 @@ class OnlineTracker(OwnState):
             check_array("origin", origin, (4,)),
         )
         self.tau = options.tau * self.units.second
+        length, velocity = (1.0 / self.units.scales[:2]).tolist()
+        names = names_of_modes(
+            [
+                in_units(mode, length, velocity, options.tau, options.speed)
+                for mode in options.all_modes
+            ]
+        )
+        # A stop is also that the object slows down to one.
+        self.mode_names = list(dict.fromkeys(names))
+        self._places = np.array([self.mode_names.index(name) for name in names])
         given = 1000.0 * self.tau if gap is None else checked("gap", gap, Positive)
         self.gap = min(given, self.longest_gap * self.tau)
         self._model = np.array(options.radii, float), options.tau
@@ -433,15 +442,6 @@ class OnlineTracker(OwnState):
         return means / length + origin[:, ::2], covariances / length**2
 
     @property
-    def mode_names(self) -> list[str]:
-        """Names of the modes, see `names_of_modes`."""
-        length, velocity = (1.0 / self.units.scales[:2]).tolist()
-        tau, speed = self.options.tau, self.options.speed
-        return names_of_modes(
-            [in_units(mode, length, velocity, tau, speed) for mode in self.options.all_modes]
-        )
-
-    @property
     def world(self) -> World:
         """The arrays of the bank, with the row that the decider has read."""
         return self.track.world
@@ -499,7 +499,7 @@ class OnlineTracker(OwnState):
             row[5 : 5 + len(point.rates)] = point.rates
         if state.smoother is None:
             arguments = self.track.options, self.lag, row, start
-            state.smoother = FixedLagSmoother(*arguments, PROCESS_SHARE)
+            state.smoother = FixedLagSmoother(*arguments)
         settled = state.smoother.step(row)
         if settled is not None and not self.units.same:
             moments = settled.estimate, settled.covariance
@@ -631,7 +631,7 @@ class OnlineTracker(OwnState):
         track = self.track
         if state.collected is not None:
             mode, decided = max(state.mode, 0), False
-            probabilities = np.full(self.options.hypotheses, 1.0 / self.options.hypotheses)
+            probabilities = np.full(self._places.size, 1.0 / self._places.size)
             estimate = state.collected.estimate.copy()
             covariance = state.collected.covariance.copy()
             xx, xy, _, yy = covariance[1::2, 1::2].ravel().tolist()
@@ -650,11 +650,15 @@ class OnlineTracker(OwnState):
         estimate, covariance = units.moments(estimate, covariance, self.time)
         settled = state.settled
         if settled is not None and state.time is not None:
-            settled = settled._replace(time=self._settled_time)
+            settled = settled._replace(
+                time=self._settled_time,
+                mode=self._places.item(settled.mode),
+                probabilities=self._of_names(settled.probabilities),
+            )
         return OnlineEstimate(
-            mode,
+            self._places.item(mode),
             decided,
-            probabilities,
+            self._of_names(probabilities),
             estimate,
             covariance,
             status,
@@ -662,6 +666,10 @@ class OnlineTracker(OwnState):
             turn if units.same else units.turn(turn),
             settled,
         )
+
+    def _of_names(self, probabilities: FloatArray) -> FloatArray:
+        """Return the probabilities of the modes by `mode_names`."""
+        return np.asarray(np.bincount(self._places, probabilities), float)
 
     def _try_decider(self) -> None:
         """Ask the decider about a row, so that its code is compiled and a wrong decider is found

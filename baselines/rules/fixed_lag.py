@@ -7,15 +7,9 @@ import numpy as np
 
 from baselines.estimation.pieces import PIECE_TICKS
 from baselines.rules.beam_filters import BY_LAW
-from baselines.rules.hindsight import (
-    beam_of,
-    choose_modes,
-    smoother_of,
-    starts_of,
-    with_velocities,
-    worth_of,
-)
+from baselines.rules.hindsight import beam_of, choose_modes, smoother_of, starts_of, with_velocities
 from baselines.rules.lattice import LatticeWalk, smooth_lattice
+from baselines.rules.steady import worth_of
 from hybrid_env.checks import FloatArray, Moments
 from hybrid_env.quickest_options import QuickestOptions
 
@@ -82,7 +76,7 @@ class FixedLagSmoother:
         self._measured = np.zeros(lag + 1)
         self._offsets = np.arange(lag + 2) * self._arrays[0][0].size
         self._ends = np.full(lag + 1, BY_LAW)
-        self._worth = worth_of(options.motions)
+        self._worth = worth_of(options.types)
         # Mode that was settled last.
         self._mode: int | None = None
 

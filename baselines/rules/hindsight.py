@@ -20,8 +20,8 @@ from baselines.rules.begins import (
     runs_of,
 )
 from baselines.rules.lattice import smooth_lattice, walk_lattice
+from baselines.rules.steady import worth_of
 from hybrid_env.checks import (
-    AnyArray,
     BoolArray,
     FloatArray,
     IntArray,
@@ -173,7 +173,7 @@ def _find_pieces(
         process_share: as of `smooth_modes`.
     """
     ticks, weights = len(measured), measured.astype(float)
-    worth = probabilities @ worth_of(options.motions)
+    worth = probabilities @ worth_of(options.types)
     pieces = runs_of(choose_modes(worth, weights))
     stands = stops_of(options)
     if not stands.any():
@@ -299,22 +299,6 @@ def starts_of(
     velocity = 2.0 * options.speed
     P = np.diag([wide + (options.tau * velocity) ** 2, velocity**2] * 2)
     return np.array(starts), (np.array([x, 0.0, y, 0.0]), P)
-
-
-def worth_of(motions: AnyArray) -> FloatArray:
-    """Return what a row of a mode (column) is worth if another one (row) is true, (M, M).
-
-    A turn of another radius to the same side is four fifths right, so that the radius of a turn
-    does not change with the noise.
-
-    Args:
-        motions: (M,) records `MOTION` of the modes.
-    """
-    own = np.where(
-        motions["linear"], 2 + np.arange(len(motions)), np.sign(motions["signed_radius"])
-    )
-    worth: FloatArray = 0.8 * np.equal.outer(own, own) + 0.2 * np.eye(len(own))
-    return worth
 
 
 @compiled

@@ -15,10 +15,8 @@ from studies.results import save_results
 DECIDERS = (
     "threshold:0.6",
     "steady",
-    *(f"threshold:{probability}" for probability in (0.7, 0.8, 0.9, 0.95)),
-    "shiryaev-roberts",
-    "beam:0.6",
-    "beam:0.7",
+    "threshold:0.7",
+    "threshold:0.9",
     "beam-adaptive",
     "shipped",
     study.HINDSIGHT,

@@ -14,10 +14,19 @@ from own_modes import Halt, every_mode
 from own_noise import run_page
 
 from hybrid_env import ArgumentError, HybridTrackEnv, QuickestOptions, WorldOptions, parse_scheme
-from hybrid_env.modes import Accelerate, LinearMode, Stop, Straight, Turn, TurnRate, parse_modes
+from hybrid_env.modes import (
+    Accelerate,
+    LinearMode,
+    Stop,
+    Stopping,
+    Straight,
+    Turn,
+    TurnRate,
+    parse_modes,
+)
 
 ENVS = {"announced": "HybridTrack-v0", "unknown": "HybridTrackQuickest-v0"}
-TEXT = "straight, left 5, right 4, stop, accelerate 0.5, accelerate -0.2, turn rate 0.6"
+TEXT = "straight, left 5, right 4, stop, accelerate 0.5, accelerate -0.2, turn rate 0.6, stopping 2"
 MODES = (
     Straight(),
     Turn(5.0),
@@ -26,6 +35,7 @@ MODES = (
     Accelerate(0.5),
     Accelerate(-0.2),
     TurnRate(0.6),
+    Stopping(2.0),
 )
 
 
@@ -54,7 +64,8 @@ def test_the_class_and_its_numbers_name_a_mode():
 
 
 @pytest.mark.parametrize(
-    ("kind", "name"), [(Turn, "radius"), (TurnRate, "rate"), (Accelerate, "acceleration")]
+    ("kind", "name"),
+    [(Turn, "radius"), (TurnRate, "rate"), (Accelerate, "acceleration"), (Stopping, "time")],
 )
 def test_numbers_of_modes_beyond_the_declared_ones_are_refused(kind, name):
     assert refuse_beyond(kind, **{name: 1.0}) > 5

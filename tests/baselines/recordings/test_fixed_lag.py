@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from baselines import OnlineTracker, SteadyDecider, smooth_modes
-from baselines.rules.hindsight import PROCESS_SHARE
 from hybrid_env import QuickestOptions, WorldOptions, simulate
 from hybrid_env.checks import ArgumentError
 
@@ -31,7 +30,7 @@ def test_probabilities_are_those_of_a_recording_that_ends_now():
     known = follow(z, gate=None)
     assert [now.settled for now in known[:LAG]] == [None] * LAG
     for last in (LAG, 45, 70, 128, len(z) - 1):
-        ends_now = smooth_modes(z[: last + 1], OPTIONS, branches=32, process_share=PROCESS_SHARE)
+        ends_now = smooth_modes(z[: last + 1], OPTIONS, branches=32)
         settled = known[last].settled
         row = last - LAG
         np.testing.assert_array_equal(settled.probabilities, ends_now.probabilities[row])

@@ -78,11 +78,19 @@ def test_statements_equal_those_of_a_literal_loop(decider, statistic):
     assert changes > 50
 
 
-@pytest.mark.parametrize("threshold", [0.4, 0.8])
-def test_steady_statements_are_those_of_a_literal_loop_and_last(threshold):
-    rows, stated = run(SteadyDecider(threshold), episodes=2)
-    best = QuickestLayout(3).read(rows, "log_probability").argmax(-1)
-    probability = np.exp(QuickestLayout(3).read(rows, "log_probability").max(-1))
+@pytest.mark.parametrize("types", [None, [0, 1, 1]])
+@pytest.mark.parametrize("threshold", [0.4, 0.95])
+def test_steady_statements_are_those_of_a_literal_loop_and_last(threshold, types):
+    """The turns of the bank, to the left and to the right, are called alike only here."""
+    rule = SteadyDecider(threshold, None if types is None else np.array(types))
+    rows, stated = run(rule, episodes=2)
+    probability = np.exp(QuickestLayout(3).read(rows, "log_probability"))
+    if types is not None:
+        both = probability[..., 1:].sum(-1, keepdims=True)
+        turns = 0.8 * both + 0.2 * probability[..., 1:]
+        probability = np.concatenate([probability[..., :1], turns], axis=-1)
+    best = probability.argmax(-1)
+    probability = probability.max(-1)
     slow = held = 0
     for i in range(TRACKS):
         for begin in (0, 150):
@@ -90,8 +98,8 @@ def test_steady_statements_are_those_of_a_literal_loop_and_last(threshold):
             since = begin
             assert stated[begin, i] == mode
             for k in range(begin + 1, begin + 150):
-                last = slice(max(begin, k - 2), k + 1)
-                led = k - begin >= 2 and len(set(best[last, i])) == 1
+                last = slice(max(begin, k - 4), k + 1)
+                led = k - begin >= 4 and len(set(best[last, i])) == 1
                 led &= probability[last, i].min() > 0.5
                 sure = probability[k, i] >= threshold
                 if best[k, i] != mode and (sure or led):
