@@ -274,3 +274,39 @@ def test_a_receiver_that_stands_does_not_turn_although_its_position_drifts():
         letters, _ = tracked.of_modes(tracked.pieces[:, 2])
         assert letters.tolist() == modes
         assert np.abs(tracked.pieces[1:, 0] - 600).max(initial=0) <= 5
+
+
+@pytest.mark.parametrize(("length", "tau"), [(1.0, 0.1), (1000.0, 0.02)])
+def test_a_live_stop_is_stated_while_the_object_slows_down(length, tau):
+    """Its speed falls by a factor of e in ten ticks, from 12 deviations of the noise in a tick."""
+    rng = np.random.default_rng(3)
+    step, heading, position = 1.2 * length, 0.4, np.zeros(2)
+    positions, modes = [], []
+    for mode in ["S", "stop", "L", "S", "stop", "R", "S", "stop", "L", "stop", "R", "S"]:
+        for _ in range(100):
+            step += 0.1 * ((0.0 if mode == "stop" else 1.2 * length) - step)
+            heading += {"L": 1.0, "R": -1.0}.get(mode, 0.0) * step / (20.0 * length)
+            position = position + step * np.array([np.cos(heading), np.sin(heading)])
+            positions.append(position)
+            modes.append(mode)
+    truth = np.array(modes)
+    measured = np.array(positions) + rng.normal(0.0, 0.1 * length, (len(modes), 2))
+    tracked = track_recording(tau * np.arange(len(modes)), measured, live=True)
+
+    assert 3.0 < tracked.model.stopping_time / tau < 30.0
+    assert tracked.mode_names() == ["S", "L", "R", "stop"]
+    np.testing.assert_allclose(tracked.probabilities[10:].sum(1), 1.0)
+    letters, _ = tracked.of_modes(tracked.modes)
+    begins = np.flatnonzero((truth[1:] == "stop") & (truth[:-1] != "stop")) + 1
+    delays = [int((letters[begin:] == "stop").argmax()) for begin in begins]
+    # Of the speed 5 % are left after 30 ticks.
+    assert np.mean(delays) < 15
+    assert (letters == truth).mean() > 0.85
+
+    live = OnlineTracker.from_recording(tracked)
+    assert live.mode_names == tracked.mode_names()
+    known = [live.update(tuple(z), tau * k) for k, z in enumerate(measured)]
+    assert (
+        np.mean([now.mode == mode for now, mode in zip(known, tracked.modes, strict=True)]) > 0.99
+    )
+    assert known[150].probabilities.shape == (4,)
