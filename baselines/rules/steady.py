@@ -61,7 +61,9 @@ class SteadyDecider(ThresholdDecider):
     @classmethod
     def create(cls, options: Any, **arguments: Any) -> Self:
         """See `Decider.create`."""
-        return super().create(options, types=options.types, **arguments)
+        types = options.types
+        distinct = len({*types.tolist()}) == len(types)
+        return super().create(options, types=None if distinct else types, **arguments)
 
     def decide(
         self, observation: Observations, state: SteadyState | None, episode_start: Any
@@ -69,15 +71,11 @@ class SteadyDecider(ThresholdDecider):
         """See `Decider.decide`; rows tell where an episode begins."""
         layout = QuickestLayout.of_rows(observation)
         probability = np.exp(layout.read(observation, "log_probability"))
-        tracks, modes = np.arange(len(probability)), np.arange(probability.shape[1])
-        types = modes if self._types is None else self._types
         stated, started = read_statement(observation)
-        best = (probability @ worth_of(types)).argmax(-1)
-        # The radius of a turn that is stated may change, too.
-        another = types[best] != types[stated]
-        of_type = probability @ np.equal.outer(types, types)
-        largest = np.where(another, of_type[tracks, best], probability[tracks, best])
-        leader = np.where(another, -1 - types[best], best)
+        best, largest = probability.argmax(-1), probability.max(-1)
+        leader = best
+        if self._types is not None:
+            best, largest, leader = self._of_types(self._types, probability, stated)
         if state is None:
             state = SteadyState(leader, np.zeros_like(best), np.full_like(best, self.lasting))
         leads = np.where(started & (state.leader == leader), state.leads + 1, 1)
@@ -86,3 +84,17 @@ class SteadyDecider(ThresholdDecider):
         changes = ~started | (likely & (best != stated) & (state.lasts >= self.lasting))
         lasts = np.where(changes, 1, state.lasts + 1)
         return np.where(changes, best, stated), SteadyState(leader, leads, lasts)
+
+    def _of_types(
+        self, types: IntArray, probability: FloatArray, stated: Actions
+    ) -> tuple[Actions, FloatArray, IntArray]:
+        """Return the best mode, its probability, and the leader, (N,) each, where those of one type
+        count together. The radius of a turn that is stated changes likewise, by the probability of
+        the mode alone.
+        """
+        of_type = probability @ np.equal.outer(types, types)
+        best = (probability @ worth_of(types)).argmax(-1)
+        another = types[best] != types[stated]
+        tracks = np.arange(len(best))
+        largest = np.where(another, of_type[tracks, best], probability[tracks, best])
+        return best, largest, np.where(another, -1 - types[best], best)

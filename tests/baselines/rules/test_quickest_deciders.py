@@ -3,6 +3,7 @@ tracks.
 """
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -78,36 +79,35 @@ def test_statements_equal_those_of_a_literal_loop(decider, statistic):
     assert changes > 50
 
 
-@pytest.mark.parametrize("types", [None, [0, 1, 1]])
+@pytest.mark.parametrize("types", [(0, 1, 2), (0, 1, 1)])
 @pytest.mark.parametrize("threshold", [0.4, 0.95])
 def test_steady_statements_are_those_of_a_literal_loop_and_last(threshold, types):
-    """The turns of the bank, to the left and to the right, are called alike only here."""
-    rule = SteadyDecider(threshold, None if types is None else np.array(types))
-    rows, stated = run(rule, episodes=2)
-    probability = np.exp(QuickestLayout(3).read(rows, "log_probability"))
-    if types is not None:
-        both = probability[..., 1:].sum(-1, keepdims=True)
-        turns = 0.8 * both + 0.2 * probability[..., 1:]
-        probability = np.concatenate([probability[..., :1], turns], axis=-1)
-    best = probability.argmax(-1)
-    probability = probability.max(-1)
+    """The turns of the bank, to the left and to the right, are of one type only here."""
+    options = SimpleNamespace(types=np.array(types), hypotheses=3)
+    rows, stated = run(SteadyDecider.create(options, threshold=threshold), episodes=2)
+    probabilities = np.exp(QuickestLayout(3).read(rows, "log_probability"))
     slow = held = 0
     for i in range(TRACKS):
         for begin in (0, 150):
-            mode = best[begin, i]
-            since = begin
-            assert stated[begin, i] == mode
-            for k in range(begin + 1, begin + 150):
-                last = slice(max(begin, k - 4), k + 1)
-                led = k - begin >= 4 and len(set(best[last, i])) == 1
-                led &= probability[last, i].min() > 0.5
-                sure = probability[k, i] >= threshold
-                if best[k, i] != mode and (sure or led):
+            mode = since = -1
+            # What leads, and whether it is likelier than all others together.
+            leaders = []
+            for k in range(begin, begin + 150):
+                p = probabilities[k, i]
+                of_type = [p[np.equal(types, kind)].sum() for kind in types]
+                best = int(np.argmax(0.8 * np.array(of_type) + 0.2 * p))
+                another = mode < 0 or types[best] != types[mode]
+                largest = of_type[best] if another else p[best]
+                leaders.append((another, types[best] if another else best, largest > 0.5))
+                led = len(leaders) >= 5 and len({*leaders[-5:]}) == 1 and largest > 0.5
+                sure = largest >= threshold
+                if mode < 0:
+                    mode, since, leaders = best, k, []
+                elif best != mode and (sure or led):
                     held += k - since < 3
                     if k - since >= 3:
                         slow += not sure
-                        mode = best[k, i]
-                        since = k
+                        mode, since = best, k
                 assert stated[k, i] == mode
 
     assert (held if threshold < 0.5 else slow) > 5
