@@ -182,13 +182,15 @@ def truth_ahead(
 def score_estimates(name: str, estimated: Estimated, data: RadarData, noise: Noise) -> Scores:
     """Return the scores of estimates on the test flights, with forecasts at `HORIZONS`."""
     tracks = data.tracks["test"][noise]
-    errors = tracks.errors(estimated.positions, estimated.velocities)[:, [0, 2, 4]]
-    measured = flight_errors(tracks.measurements, tracks.positions)[:, :1]
+    position, distance = flight_errors(estimated.positions, tracks.positions).T
+    velocity, _ = flight_errors(estimated.velocities, tracks.velocities).T
+    measured, _ = flight_errors(tracks.measurements, tracks.positions).T
     ahead = [
         _forecast_scores(*forecast, truth_ahead(data.flights["test"], tracks, horizon))
         for horizon, forecast in zip(HORIZONS, estimated.forecasts, strict=True)
     ]
-    values = np.concatenate([errors, measured, *np.swapaxes(ahead, 0, 1).mT], axis=1)
+    forecasts, covered = zip(*ahead, strict=True)
+    values = np.column_stack([position, velocity, distance, measured, *forecasts, *covered])
     return Scores(name, "", (0.0,), COLUMNS, values[..., None])
 
 

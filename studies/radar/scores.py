@@ -11,15 +11,7 @@ from matplotlib.figure import Figure
 from baselines import Estimate, Scores
 from studies.pictures import draw_estimates
 from studies.radar.dataset import HORIZONS, STATISTICS, RadarData, score_estimates
-from studies.radar.filters import (
-    COMBINED,
-    CONTENDERS,
-    ROBUST,
-    SOUND,
-    THESIS,
-    UNTRIED,
-    filter_tracks,
-)
+from studies.radar.filters import COMBINED, CONTENDERS, ROBUST, filter_tracks
 from studies.radar.radars import NOISE_NAMES, Noise
 from studies.radar.tuning import tune_filters
 from studies.results import in_parallel, markdown_table
@@ -34,19 +26,18 @@ def score_radar_data(data: RadarData, folder: Path, trials: int, jobs: int) -> B
     """Return the scores of all filters by noise, those of the thesis first, tuned on the training
     flights.
 
-    A killed run goes on from the trials in the folder; see `thesis.reproduce` for the arguments.
+    A killed run goes on from the trials in the folder; see `tune_filters` for the arguments.
     """
-    robust = tuple(ROBUST)
-    names = *THESIS, *UNTRIED, *SOUND
-    tuned = tune_filters(names, data.tracks["training"], data.seed, folder, trials, jobs, robust)
+    names = [name for name in CONTENDERS if name not in (ROBUST, COMBINED)]
+    tuned = tune_filters(names, data.tracks["training"], data.seed, folder, trials, jobs, ROBUST)
     # With the parameters that the IMM and the robust update have alone.
-    student = tuned["gaussian"]["CV, Student-t"]
+    student = tuned["gaussian"][ROBUST]
     combined = tuned["gaussian"]["IMM (CV, CA)"] | {
         key: student[key] for key in ("degrees of freedom", "scale")
     }
     scores: dict[Noise, list[Scores]] = {}
     for noise, parameters in tuned.items():
-        filters = {name: parameters[name] for name in (*names, *robust)} | {COMBINED: combined}
+        filters = parameters | {COMBINED: combined}
         calls = [joblib.delayed(score_filter)(*each, data, noise) for each in filters.items()]
         scores[noise] = in_parallel(calls, jobs, NOISE_NAMES[noise])
     return scores
