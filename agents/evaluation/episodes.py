@@ -22,20 +22,19 @@ from hybrid_env.rendering.history import History
 
 
 class Episodes:
-    """Episodes of a decider on one track; `decider` replaces that of the name. `of_filters` keeps
-    the evidence of the filters in the history, in place of what the decider compares with its
-    threshold.
+    """Episodes of a decider on one track. `of_filters` keeps the evidence of the filters in the
+    history, in place of what the decider compares with its threshold.
     """
 
-    def __init__(self, task: Task, name: str, decider: Any = None, of_filters: bool = False):
-        changes = dict((decider or find_decider(name, task.options)).options)
+    def __init__(self, task: Task, name: str, of_filters: bool = False):
+        changes = dict(find_decider(name, task.options).options)
         if getattr(task.options, "actions", "all") == "types":
             # Deciders declare hypotheses.
             changes["actions"] = "all"
         self.task, self.name = task.changed(changes), name
         given = {"render_mode": "rgb_array", **self.task.given}
         options = make_track_vector_env(task.env_id, 1, **given).options
-        self.decider = load_decider(name, options) if decider is None else decider
+        self.decider = load_decider(name, options)
         # Between decisions that the environment does not ask for.
         self.every = options.decide_every if self.decider.every_tick else 1
         if self.every > 1:

@@ -1,7 +1,7 @@
 """A threshold on the probabilities of the bank whose statements last."""
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -9,17 +9,6 @@ from baselines.rules.decider import Actions, Observations
 from baselines.rules.threshold import ThresholdDecider, read_statement
 from hybrid_env.checks import IntArray
 from hybrid_env.observation import QuickestLayout
-
-
-class SteadyState(NamedTuple):
-    """State of N tracks, (N,) each."""
-
-    # Most probable mode.
-    leader: IntArray
-    # Number of the last measurements at which it has been likelier than all others together.
-    leads: IntArray
-    # Number of measurements for which the statement has lasted.
-    lasts: IntArray
 
 
 class SteadyDecider(ThresholdDecider):
@@ -41,19 +30,22 @@ class SteadyDecider(ThresholdDecider):
     measurements = 3
 
     def decide(
-        self, observation: Observations, state: SteadyState | None, episode_start: Any
-    ) -> tuple[Actions, SteadyState]:
-        """See `Decider.decide`; rows tell where an episode begins."""
+        self, observation: Observations, state: Any, episode_start: Any
+    ) -> tuple[Actions, tuple[IntArray, IntArray, IntArray]]:
+        """See `Decider.decide`; rows tell where an episode begins. The state, (N,) each, is the
+        most probable mode, the number of the last measurements at which it has been likelier than
+        all others together, and the number of measurements for which the statement has lasted.
+        """
         log_probability = QuickestLayout.of_rows(observation).read(observation, "log_probability")
         stated, started = read_statement(observation)
         best = log_probability.argmax(-1)
-        if state is None:
-            state = SteadyState(best, np.zeros_like(best), np.full_like(best, self.measurements))
+        start = best, np.zeros_like(best), np.full_like(best, self.measurements)
+        leader, leads, lasts = state or start
         largest = log_probability.max(-1)
-        leads = np.where(started & (state.leader == best), state.leads + 1, 1)
+        leads = np.where(started & (leader == best), leads + 1, 1)
         leads *= largest > math.log(0.5)
         level = math.log(self.threshold) if self.threshold > 0.0 else -math.inf
         likely = (largest >= level) | (leads >= self.measurements)
-        changes = ~started | (likely & (best != stated) & (state.lasts >= self.measurements))
-        lasts = np.where(changes, 1, state.lasts + 1)
-        return np.where(changes, best, stated), SteadyState(best, leads, lasts)
+        changes = ~started | (likely & (best != stated) & (lasts >= self.measurements))
+        lasts = np.where(changes, 1, lasts + 1)
+        return np.where(changes, best, stated), (best, leads, lasts)

@@ -35,8 +35,8 @@ class Estimated(NamedTuple):
     positions: FloatArray
     # (K, N, 3) [m/s]
     velocities: FloatArray
-    # Forecast positions, (K, N, 3) [m], and their covariances if there are any, (K, N, 3, 3) [m^2].
-    forecasts: tuple[tuple[FloatArray, FloatArray | None], ...] = ()
+    # Forecast positions, (K, N, 3) [m] each.
+    forecasts: tuple[FloatArray, ...] = ()
 
 
 def moving_average(values: FloatArray, window: int, ratio: float = 1.0) -> FloatArray:
@@ -80,16 +80,11 @@ def filter_tracks(
         contender.build(parameters),
         measurements,
         tracks.times,
-        keep_covariances=bool(horizons),
+        keep_covariances=False,
         horizons=horizons,
     )
-    forecasts = []
-    for ahead in filtered.forecasts:
-        spread = ahead.covariances
-        if spread is not None:
-            spread = spread[..., :: ahead.order, :: ahead.order]
-        forecasts.append((ahead.positions, spread))
-    return Estimated(filtered.positions, filtered.velocities, tuple(forecasts))
+    forecasts = tuple(ahead.positions for ahead in filtered.forecasts)
+    return Estimated(filtered.positions, filtered.velocities, forecasts)
 
 
 class ThesisKalmanFilter(KalmanFilter):

@@ -54,9 +54,8 @@ def score_filter(
 
 def radar_tables(by_noise: ByNoise) -> str:
     """Return a table for each noise, in Markdown: RMSE and half width of its 95 % interval, noise
-    reduction ratio, forecasts at the farthest horizon with the true positions in the stated 95 %
-    region, and the interval of the ratio of the position RMSE to that of the reference on the same
-    flights.
+    reduction ratio, forecasts at the farthest horizon, and the interval of the ratio of the
+    position RMSE to that of the reference on the same flights.
     """
     farthest = f"{HORIZONS[-1]:g}"
     text = ""
@@ -65,7 +64,6 @@ def radar_tables(by_noise: ByNoise) -> str:
         rows = []
         for of_filter in scores:
             estimates = {name: of_filter.estimate(value) for name, value in STATISTICS.items()}
-            covered = estimates[f"covered {farthest}"].value
             ratio = of_filter.ratio(reference, STATISTICS["position"])
             compared = f"{ratio.low:.2f} to {ratio.high:.2f}"
             rows.append(
@@ -77,7 +75,6 @@ def radar_tables(by_noise: ByNoise) -> str:
                     "1" if of_filter is reference else compared,
                     _with_half(estimates["velocity"], 2),
                     _with_half(estimates[f"ahead {farthest}"], 1),
-                    "-" if np.isnan(covered) else f"{100.0 * covered:.0f}",
                 )
             )
         heads = (
@@ -88,7 +85,6 @@ def radar_tables(by_noise: ByNoise) -> str:
             f"position / that of {REFERENCE}",
             "velocity: mean over the axes, m/s",
             f"position {farthest} s ahead, m",
-            "in its 95 % region, %",
         )
         text += markdown_table(heads, rows) + "\n"
     return text

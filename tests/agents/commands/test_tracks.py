@@ -13,9 +13,8 @@ ENV = "hybrid_env:HybridTrackPublished-v0"
 
 
 def test_an_episode_agrees_with_the_evaluation():
-    decider = SPRTDecider(1e-3)
-    decisions = record_decisions(decider, episodes=4, seed=10, env_id=ENV)
-    episodes = Episodes(task_of(ENV, {}), "ATE", decider)
+    decisions = record_decisions(SPRTDecider(1e-3), episodes=4, seed=10, env_id=ENV)
+    episodes = Episodes(task_of(ENV, {}), "ate:1e-3")
     list(episodes.play(12))
     history, shown = episodes.history, timeline(episodes.task, episodes.history)
 
