@@ -94,10 +94,17 @@ def test_closing_the_window_ends_the_command(monkeypatch):
     assert not pygame.display.get_init()
 
 
-@pytest.mark.parametrize("name", ["shipped", "msprt", "ate:1e-3"])
-def test_an_episode_is_the_one_that_is_evaluated(name):
+@pytest.mark.parametrize(
+    ("name", "env_id"),
+    [
+        ("shipped", "hybrid_env:HybridTrack-v0"),
+        ("msprt", "hybrid_env:HybridTrack-v0"),
+        ("ate:1e-3", DECLARED),
+    ],
+)
+def test_an_episode_is_the_one_that_is_evaluated(name, env_id):
     """Also of a decider that reads every tick, where a decision is asked for every few ticks."""
-    task = task_of("hybrid_env:HybridTrack-v0", {"scheme": "S20 L25r5 S20"})
+    task = task_of(env_id, {"scheme": "S20 L25r5 S20"})
     episodes = episodes_of.Episodes(task, name)
     list(episodes.play(3))
     history, shown = episodes.history, episodes_of.timeline(task, episodes.history)
