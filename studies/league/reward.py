@@ -101,8 +101,8 @@ class RewardDecider(NetworkDecider):
     default = 0.03
     bounds = 1e-300, 1.0
 
-    def __init__(self, net: RewardNet, world: WorldOptions, threshold: float | None = None):
-        super().__init__(threshold)
+    def __init__(self, net: RewardNet, world: WorldOptions):
+        super().__init__()
         self.net, self.world, self.layout = net, world, Layout(world.hypotheses)
 
     def errors(self, posterior: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[Any]]:
