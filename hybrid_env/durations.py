@@ -125,7 +125,7 @@ DURATION_LAWS: tuple[type[DurationLaw], ...] = (GeometricDurations, UniformDurat
 
 
 @dataclass(frozen=True)
-class TwoDurations(Checked):
+class TwoDurations(DurationLaw):
     """One of two laws, each geometric or uniform, with equal probability, drawn anew for every
     segment.
     """
@@ -148,9 +148,6 @@ class TwoDurations(Checked):
         return f"{self.one} or {self.other}"
 
 
-SimpleDurations: TypeAlias = DurationLaw | TwoDurations
-
-
 @dataclass(frozen=True)
 class ModeDurations:
     """A law for each of several modes.
@@ -159,7 +156,7 @@ class ModeDurations:
         laws: (name, law) of each: the name or the type of a mode, or "turns".
     """
 
-    laws: tuple[tuple[str, SimpleDurations], ...]
+    laws: tuple[tuple[str, DurationLaw], ...]
 
     @property
     def mean_duration(self) -> float:
@@ -179,7 +176,7 @@ class ModeDurations:
         return ", ".join(f"{name} {law}" for name, law in self.laws)
 
 
-Durations: TypeAlias = SimpleDurations | ModeDurations
+Durations: TypeAlias = DurationLaw | ModeDurations
 
 
 def parse_durations(value: Any, name: str = "durations") -> Durations:
@@ -199,7 +196,7 @@ def parse_durations(value: Any, name: str = "durations") -> Durations:
     return _parse_simple(text, value, name)
 
 
-def _parse_simple(text: str, value: Any, name: str) -> SimpleDurations:
+def _parse_simple(text: str, value: Any, name: str) -> DurationLaw:
     """Parse the law of one mode, which is a part of a value."""
     laws: list[DurationLaw] = []
     for part in text.split(" or ", 1):
@@ -219,12 +216,12 @@ def _parse_simple(text: str, value: Any, name: str) -> SimpleDurations:
     return TwoDurations(*laws) if len(laws) > 1 else laws[0]
 
 
-def duration_probabilities(law: SimpleDurations, ticks: int) -> FloatArray:
+def duration_probabilities(law: DurationLaw, ticks: int) -> FloatArray:
     """Return the probabilities of the durations 1, 2, ..., `ticks`, (ticks,)."""
     return -np.diff(law.survival(ticks))
 
 
-def remaining_probabilities(law: SimpleDurations, ticks: int) -> FloatArray:
+def remaining_probabilities(law: DurationLaw, ticks: int) -> FloatArray:
     """Return the probabilities that 1, ..., `ticks` ticks of a segment remain at a random moment
     long after the first switch, (ticks,): P(duration >= r) / E[duration], as long segments are
     observed more often.

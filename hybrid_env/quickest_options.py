@@ -12,9 +12,9 @@ from hybrid_env.checks import AnyArray, FloatArray, IntArray, checked, reject, u
 from hybrid_env.core.memory import TICK_NAMES, DenseImmBank, ImmBank
 from hybrid_env.durations import (
     DRAWN,
+    DurationLaw,
     Durations,
     ModeDurations,
-    SimpleDurations,
     duration_probabilities,
     parse_durations,
     remaining_probabilities,
@@ -171,7 +171,7 @@ class QuickestOptions(ModelOptions):
         return segment_table(RandomScheme(), self.all_modes)
 
     @property
-    def laws(self) -> tuple[SimpleDurations, ...]:
+    def laws(self) -> tuple[DurationLaw, ...]:
         """The different laws of the durations."""
         law = self.law
         return tuple(of for _, of in law.laws) if isinstance(law, ModeDurations) else (law,)

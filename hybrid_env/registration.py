@@ -17,23 +17,23 @@ BANK_RADII = tuple(float(radius) for radius in range(1, 11))
 TYPES = {"radii": BANK_RADII, "correctness": "type", "delay_cost": 0.01}
 # Evidence grows as the fourth power of time: at first one more tick of waiting does not pay.
 AWARE = {"bank": "anchor_aware", "decide_every": 8}
-# The object has other radii and process noise, heavy tails and an unknown velocity. The bank is the
-# smallest one among the best for the MSPRT of types, see `studies/road`.
-ROAD = {
-    "radii": (2.5, 5.0, 10.0),
-    "process_variance": 0.01,
-    "likelihood": "student_t 50",
-    "scheme": "random 6x50-100 radii 2.5 3.2 4 5 6.3 8 10",
-    "object_variance": (1e-4, 3e-2),
-    "noise": "student_t 2",
-    "initial_error": (0.3, 4.0),
-    "correctness": "type",
-}
 ENVIRONMENTS: dict[str, dict[str, object]] = {
     "HybridTrack-v0": AWARE,
     "HybridTrackRaw-v0": {**AWARE, "observation": "raw"},
     "HybridTrackBank-v0": {**AWARE, **TYPES, "actions": "types", "follow": "bank"},
-    "HybridTrackRoad-v0": {**AWARE, **ROAD},
+    # The object has other radii and process noise, heavy tails and an unknown velocity. The bank is
+    # the smallest one among the best for the MSPRT of types, see `studies/road`.
+    "HybridTrackRoad-v0": {
+        **AWARE,
+        "radii": (2.5, 5.0, 10.0),
+        "process_variance": 0.01,
+        "likelihood": "student_t 50",
+        "scheme": "random 6x50-100 radii 2.5 3.2 4 5 6.3 8 10",
+        "object_variance": (1e-4, 3e-2),
+        "noise": "student_t 2",
+        "initial_error": (0.3, 4.0),
+        "correctness": "type",
+    },
     "HybridTrackPublished-v0": {},
     "HybridTrackPublishedBank-v0": TYPES,
     "HybridTrackQuickest-v0": {},

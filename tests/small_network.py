@@ -70,6 +70,6 @@ class Small(NetworkAlgorithm):
         target = torch.from_numpy(right).float()
         loss = nn.functional.binary_cross_entropy_with_logits(agent.odds(rows), target)
         self.set_learning_rate()
-        self.improve(loss, 1.0, self.net)
+        self.improve(loss, 1.0, self.network)
         steps = 10 * env.num_envs
         return steps, float(target.mean()), math.nan, {"loss": float(loss.detach())}

@@ -1,4 +1,6 @@
-"""Every command line of README, of the pages and of the studies is one that the console accepts."""
+"""Every command line of README, of the pages, of the studies and of the help texts is one that the
+console accepts.
+"""
 
 import re
 import shlex
@@ -6,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from agents import commands
 from agents.cli import parse
 from agents.commands.train import Train
 from agents.training.recipe import recipe_names
@@ -25,15 +28,19 @@ LINES = {
     )
     if not match[1].startswith("has ")
 }
+EXAMPLES = re.findall(r"^hybridtrack (\w.*)$", "".join(commands.EXAMPLES.values()), re.MULTILINE)
 
 
 def test_the_pages_have_commands():
     assert len(LINES) > 50
 
 
-@pytest.mark.parametrize("line", LINES)
-def test_a_command_line_of_the_pages_is_accepted(line):
-    command = parse(shlex.split(line, comments=True))
+@pytest.mark.parametrize("line", [*LINES, *EXAMPLES])
+def test_a_command_line_is_accepted(line):
+    arguments = shlex.split(line, comments=True)
+    if arguments[-1] == "--help":
+        return
+    command = parse(arguments)
 
     is_new = isinstance(command, Train) and command.resume is None
     if is_new and not command.recipe.startswith("results/"):

@@ -11,10 +11,10 @@ from scipy.special import softmax
 from agents.evaluation.cells import filled_table
 from agents.evaluation.registry import find_decider, load_decider
 from agents.evaluation.task import Task
-from agents.figures.tracks import UNDECIDED
 from agents.interface.output_files import finite
 from baselines.rules.rollout import rollout
 from baselines.scoring.statements import Statements, measure_statements
+from baselines.scoring.timelines import NO_MODE
 from hybrid_env.checks import FloatArray
 from hybrid_env.registration import make_track_vector_env
 from hybrid_env.rendering.evidence import mode_name
@@ -22,20 +22,19 @@ from hybrid_env.rendering.history import History
 
 
 class Episodes:
-    """Episodes of a decider on one track; `decider` replaces that of the name. `of_filters` keeps
-    the evidence of the filters in the history, in place of what the decider compares with its
-    threshold.
+    """Episodes of a decider on one track. `of_filters` keeps the evidence of the filters in the
+    history, in place of what the decider compares with its threshold.
     """
 
-    def __init__(self, task: Task, name: str, decider: Any = None, of_filters: bool = False):
-        changes = dict((decider or find_decider(name, task.options)).options)
+    def __init__(self, task: Task, name: str, of_filters: bool = False):
+        changes = dict(find_decider(name, task.options).options)
         if getattr(task.options, "actions", "all") == "types":
             # Deciders declare hypotheses.
             changes["actions"] = "all"
         self.task, self.name = task.changed(changes), name
         given = {"render_mode": "rgb_array", **self.task.given}
         options = make_track_vector_env(task.env_id, 1, **given).options
-        self.decider = load_decider(name, options) if decider is None else decider
+        self.decider = load_decider(name, options)
         # Between decisions that the environment does not ask for.
         self.every = options.decide_every if self.decider.every_tick else 1
         if self.every > 1:
@@ -77,7 +76,7 @@ def episode_table(task: Task, title: str, history: History) -> Table:
     """Return a table of an episode that has just ended, with one row for each segment."""
     announced = task.waits
     decisions = timeline(task, history)
-    decided = decisions["modes"] != UNDECIDED if announced else decisions["right"]
+    decided = decisions["modes"] != NO_MODE if announced else decisions["right"]
     bounds = [*history.switches.tolist(), len(history.stated)]
     rows = []
     for number, (first, end) in enumerate(pairwise(bounds)):
@@ -95,7 +94,7 @@ def episode_table(task: Task, title: str, history: History) -> Table:
 
 
 def timeline(task: Task, history: History) -> dict[str, Any]:
-    """Return what was declared or stated in an episode of T ticks: `modes` (T,), `UNDECIDED` before
+    """Return what was declared or stated in an episode of T ticks: `modes` (T,), `NO_MODE` before
     a declaration; whether they are `right` (T,); the ticks `marks` at which a mode is declared, or
     the statement changes; a `summary` of statements.
     """
@@ -110,7 +109,7 @@ def page_data(task: Task, history: History, rewards: FloatArray) -> dict[str, An
     modes, marks, decided = decisions["modes"], decisions["marks"], decisions["right"]
     evidence = history.evidence.T
     if task.waits:
-        decided = modes != UNDECIDED
+        decided = modes != NO_MODE
         # A declaration is shown at its tick.
         modes[marks] = [decision.mode for decision in history.decisions]
         evidence = softmax(evidence, axis=0)
@@ -137,7 +136,7 @@ def _declared(history: History) -> dict[str, Any]:
     switches = np.cumsum(lengths) - lengths
     since = np.arange(len(history.stated)) - np.repeat(switches, lengths)
     return {
-        "modes": np.where(since < np.repeat(ticks, lengths), UNDECIDED, history.stated),
+        "modes": np.where(since < np.repeat(ticks, lengths), NO_MODE, history.stated),
         "right": np.repeat(correct, lengths),
         "marks": switches + ticks - 1,
         "summary": "",

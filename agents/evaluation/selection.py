@@ -14,7 +14,7 @@ import numpy as np
 from agents.evaluation.task import Task, sweep, task_with
 from baselines.rules import seeds
 from baselines.rules.decider import Decider
-from baselines.rules.msprt import ALPHAS, FEW_ALPHAS
+from baselines.rules.msprt import ALPHAS
 from baselines.rules.rollout import rollout, statement_env
 from baselines.rules.threshold import ThresholdDecider
 from baselines.scoring.scores import Scores
@@ -31,7 +31,8 @@ def select_threshold(task: Task, decider: Decider, episodes: int) -> float:
         episodes: number of episodes to select on, at most 1,000; they have other seeds than those
             of any report.
     """
-    thresholds = FEW_ALPHAS if decider.thresholds == ALPHAS else decider.thresholds
+    few = (0.6, 0.4, 0.25, 0.15, 0.1, 0.08, 0.05, 0.03, 0.02, 0.01, 3e-3, 3e-4, 1e-5)
+    thresholds = few if decider.thresholds == ALPHAS else decider.thresholds
     # At most 13, spread over those of the decider.
     thresholds = thresholds[:: -(-len(thresholds) // 13)]
     count = min(episodes, seeds.SELECTION_EPISODES)

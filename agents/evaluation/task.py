@@ -256,7 +256,8 @@ class UnknownTask(Task):
     """Nobody announces switches, and the present mode is stated at every tick."""
 
     switches = UNKNOWN
-    columns = statements.STATEMENT_COLUMNS + statements.TYPE_COLUMNS
+    # Of the modes, then of their types: straight, left, right.
+    columns = tuple(kind + name for kind in ("", "type_") for name in statements.STATEMENT_COLUMNS)
     metrics = (
         *(
             Metric(name, head, statements.STATISTICS[name], digits, scale)

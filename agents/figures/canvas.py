@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-GREY, DARK_GREY = "#9a9a9a", "#4d4d4d"
-"""Of measurements, and of marks beside curves."""
+GREY = "#9a9a9a"
+"""Of measurements."""
 
 
 def new_canvas(size: tuple[float, float]) -> "Figure":

@@ -12,7 +12,6 @@ from matplotlib.ticker import NullFormatter
 from numpy.typing import ArrayLike
 
 from agents.figures.canvas import new_canvas, plain_axes
-from agents.figures.decider_colours import DeciderStyle
 from baselines.scoring.estimates import Estimate
 from hybrid_env.checks import FloatArray
 
@@ -23,8 +22,8 @@ class Curve:
 
     # In the legend; one of its style, if it is in several panels.
     name: str
-    # Colour and marker.
-    style: DeciderStyle
+    # Colour and marker, see `decider_styles`.
+    style: tuple[str, str]
     # x, y: (K,) points; estimates have bars.
     x: ArrayLike
     y: ArrayLike | Sequence[Estimate]
@@ -163,7 +162,7 @@ def _draw_panel(axes: Any, panel: Panel) -> None:
 
 
 def _draw_curve(axes: Any, curve: Curve) -> None:
-    colour, marker = curve.style.colour, curve.style.marker
+    colour, marker = curve.style
     if curve.bounds is not None:
         axes.fill_between(curve.x, *curve.bounds, color=colour, alpha=0.13, linewidth=0)
     y: Any = curve.y

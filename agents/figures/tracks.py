@@ -6,14 +6,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from baselines.scoring.timelines import NO_MODE
 from hybrid_env.checks import BoolArray, IntArray
 
 if TYPE_CHECKING:
     from matplotlib.patches import Patch
 
-# In place of a mode at ticks before a declaration.
-UNDECIDED = -1
-UNDECIDED_COLOUR = "0.92"
+NO_MODE_COLOUR = "0.92"
 
 
 def draw_timelines(
@@ -27,7 +26,7 @@ def draw_timelines(
     breaks: ArrayLike = (),
 ) -> None:
     """Draw the modes (T,) of each row as bars between `edges` (T + 1,): indices of `colours` or
-    `UNDECIDED`. Bars begin anew at ticks `breaks`, and are hatched at ticks `wrong` (T,).
+    `NO_MODE`. Bars begin anew at ticks `breaks`, and are hatched at ticks `wrong` (T,).
     """
     limits = np.asarray(edges)
     axes.set_xlim(0, limits[-1])
@@ -39,9 +38,7 @@ def draw_timelines(
             height,
             np.diff(limits[np.append(begins, len(modes))]),
             left=limits[begins],
-            color=[
-                UNDECIDED_COLOUR if mode == UNDECIDED else colours[mode] for mode in modes[begins]
-            ],
+            color=[NO_MODE_COLOUR if mode == NO_MODE else colours[mode] for mode in modes[begins]],
             edgecolor="white",
             linewidth=0.5,
             hatch=["xxx" if is_wrong else "" for is_wrong in hatched[begins]],

@@ -29,16 +29,6 @@ from hybrid_env.durations import GeometricDurations, UniformDurations
 from hybrid_env.observation import QuickestLayout
 from hybrid_env.quickest_options import QuickestOptions
 
-# The beam learns among fewer laws than that of the rule.
-PRIOR = mixed_prior(
-    widths=((1.07, 0.07), (1.2, 0.13), (1.6, 0.25), (2.4, 0.4)),
-    shortest=(14.0, 180.0),
-    offsets=(0, 10, 25, 50, 80),
-    means=(10, 20, 40, 80),
-    shares=(0.32, 0.08),
-    known=((GeometricDurations(50.0, 25), 0.3), (UniformDurations(50, 100), 0.3)),
-)._replace(different=0.15, habitual=0.4)
-
 
 class UtilityDecider(NetworkDecider):
     """States the mode with the largest utility, where keeping the statement has a utility of its
@@ -126,7 +116,16 @@ class StatementDecider(UtilityDecider):
         self.beam = None
         if net.recurrent.input_size > INPUTS:
             branches = max(16, 3 * world.hypotheses)
-            self.beam = BeamDecider(world, branches=branches, joined=True, prior=PRIOR)
+            # It learns among fewer laws than that of the rule.
+            prior = mixed_prior(
+                widths=((1.07, 0.07), (1.2, 0.13), (1.6, 0.25), (2.4, 0.4)),
+                shortest=(14.0, 180.0),
+                offsets=(0, 10, 25, 50, 80),
+                means=(10, 20, 40, 80),
+                shares=(0.32, 0.08),
+                known=((GeometricDurations(50.0, 25), 0.3), (UniformDurations(50, 100), 0.3)),
+            )._replace(different=0.15, habitual=0.4)
+            self.beam = BeamDecider(world, branches=branches, joined=True, prior=prior)
             self.observes = "tracks"
 
     @classmethod

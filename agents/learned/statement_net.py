@@ -144,15 +144,12 @@ class StatementOutputs(NamedTuple):
         stay: (T, N) utility of not changing the statement, positive.
         belief: (T, N, M) logits of the present mode.
         memory: after the last tick; of `StatementNet` (1, N (M - 1), hidden).
-        logs: (T, N, M) log-likelihoods of the measurements by learned filters; None without such
-            filters.
     """
 
     utility: Tensor
     stay: Tensor
     belief: Tensor
     memory: Any
-    logs: Tensor | None = None
 
 
 class StatementNet(nn.Module):

@@ -71,7 +71,8 @@ class Algorithm(ABC):
     """What its agents may decide, see `Decider.task`."""
     switches: str
     """What the agent decides."""
-    network: nn.Module
+    network: Any
+    """The network of PyTorch that is trained."""
     optimizer: Optimizer
     next_command: ClassVar[str] = "hybridtrack evaluate"
     """Command that evaluates a run folder."""
@@ -271,8 +272,6 @@ class NetworkAlgorithm(Algorithm):
     """Lower bound of the learning rate, as a factor of the first one, while it decays linearly."""
     decider: ClassVar[Any]
     """Class of the agent, such as `UtilityDecider`."""
-    net: Any
-    """The network that is trained."""
     world: Any = None
     """Options of the environment of the agent, None if it has none."""
     rounds: int = 0
@@ -291,7 +290,7 @@ class NetworkAlgorithm(Algorithm):
         """Create network and optimizer."""
         self.prepare()
         torch.manual_seed(self.seed)
-        self.net = self.network = self.create_network()
+        self.network = self.create_network()
         self._rate, self._decays = learning_rate_schedule(self.settings.learning_rate)
         self.optimizer = torch.optim.Adam(self.network.parameters(), lr=self._rate)
         # A part without samples yet has no gradient.

@@ -6,19 +6,17 @@ the declaration. Each filter of a decider gives the state of the object if its h
 import numpy as np
 
 from baselines.estimation.mixture import mixture
-from baselines.rules.component_filters import Anchors, ComponentFilters, speeds, stated_anchors
-from baselines.rules.decider import Observations
-from baselines.rules.propagation import PropagationMemory, propagate_anchor
-from hybrid_env.checks import AnyArray, BoolArray, FloatArray, IntArray, OwnState
-from hybrid_env.compiled import (
-    AWARE_HYPOTHESIS,
-    INNOVATION,
-    LANES,
-    MEASURED,
-    FilterModel,
-    aligned_zeros,
-    run_compiled,
+from baselines.rules.component_filters import (
+    Anchors,
+    ComponentFilters,
+    filter_records,
+    speeds,
+    stated_anchors,
 )
+from baselines.rules.decider import Observations
+from baselines.rules.propagation import propagate_anchor
+from hybrid_env.checks import AnyArray, BoolArray, FloatArray, IntArray, OwnState
+from hybrid_env.compiled import LANES, FilterModel, run_compiled
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 
@@ -42,11 +40,8 @@ class AnchorErrors(OwnState):
         self.ticks_left = np.zeros(tracks)
         # (N, 3) sum of the inverse covariances of the measurements of the sensors, times R.
         self.information = np.zeros((tracks, 3))
-        self.memory = PropagationMemory(
-            aligned_zeros((1,), AWARE_HYPOTHESIS),
-            aligned_zeros((1,), INNOVATION),
-            aligned_zeros((1,), MEASURED),
-        )
+        # Of which lane 0 is used.
+        self.memory = filter_records(1)
         # Range rates are left out.
         self.memory.measured["rates"] = np.nan
 

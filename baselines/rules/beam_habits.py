@@ -16,9 +16,6 @@ import numpy as np
 from hybrid_env.checks import AnyArray, Float32Array, FloatArray, IntArray
 from hybrid_env.compiled import internal, summing
 
-# (2, ages, 2, L), see `beam_filters.BeamModel`
-Tables = Float32Array
-
 # Row of the beliefs in one law for all modes; rows 1 and 2 are straight motion and turns.
 SAME = 0
 # Beliefs below become 0: denormal numbers are slow.
@@ -85,7 +82,7 @@ def _begin_segment(habits: Habits, track: int, slot: int, mode: int) -> None:
 
 @summing
 def expected_hazard(
-    habits: Habits, track: int, slot: int, tables: Tables, row: int, column: int
+    habits: Habits, track: int, slot: int, tables: Float32Array, row: int, column: int
 ) -> float:
     """Return the probability that a segment ends after its present tick, by the beliefs when it
     began.
@@ -102,7 +99,13 @@ def expected_hazard(
 
 @summing
 def _sums(
-    laws: Float32Array, track: int, slot: int, kind: int, tables: Tables, row: int, column: int
+    laws: Float32Array,
+    track: int,
+    slot: int,
+    kind: int,
+    tables: Float32Array,
+    row: int,
+    column: int,
 ) -> tuple[np.float32, np.float32, np.float32]:
     """Return sums over the laws: of `SAME` times the probability of the end, of row `kind` times
     it, of `kind` alone.
@@ -119,7 +122,7 @@ def _sums(
 
 @internal
 def _add_posterior(
-    laws: Float32Array, track: int, slot: int, history: Any, weight: float, tables: Tables
+    laws: Float32Array, track: int, slot: int, history: Any, weight: float, tables: Float32Array
 ) -> None:
     """Add to the laws of a slot those of a history after the end of its segment, times a weight.
 
@@ -160,7 +163,7 @@ def merge_habits(
     mode: int,
     weights: FloatArray,
     parents: AnyArray,
-    tables: Tables,
+    tables: Float32Array,
 ) -> None:
     """Write the habits of a branch that begins with a switch to a mode: the mixture of its
     parents, records `beam_filters.HISTORY`.

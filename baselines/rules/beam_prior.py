@@ -9,8 +9,8 @@ import numpy as np
 from baselines.rules.beam_habits import SMALLEST_BELIEF
 from hybrid_env.checks import Float32Array, FloatArray
 from hybrid_env.durations import (
+    DurationLaw,
     GeometricDurations,
-    SimpleDurations,
     UniformDurations,
     duration_probabilities,
     remaining_probabilities,
@@ -21,7 +21,7 @@ class Prior(NamedTuple):
     """Laws of the durations, with numbers in proportion to their probabilities."""
 
     # L laws.
-    laws: tuple[SimpleDurations, ...]
+    laws: tuple[DurationLaw, ...]
     # L numbers in proportion to their probabilities.
     weights: tuple[float, ...]
     # Probability that straight motion and turns have laws of their own.
@@ -47,7 +47,7 @@ def mixed_prior(
     offsets: Sequence[int] = (0, 5, 10, 20, 40, 80, 160),
     means: Sequence[int] = (10, 20, 40, 80, 160),
     shares: tuple[float, float] = (0.4, 0.1),
-    known: Sequence[tuple[SimpleDurations, float]] = ((GeometricDurations(50.0, 25), 0.5),),
+    known: Sequence[tuple[DurationLaw, float]] = ((GeometricDurations(50.0, 25), 0.5),),
 ) -> Prior:
     """Return uniform laws, geometric ones, and some single ones; by default the law of the
     environment.

@@ -10,9 +10,6 @@ from baselines.estimation.pieces import GRADUAL, PieceSmoother
 from hybrid_env.checks import BoolArray, FloatArray, IntArray
 from hybrid_env.quickest_options import QuickestOptions
 
-# Ticks of a piece that may be part of a stop, over the mean duration.
-SHORT = 0.2
-
 
 def pieces_of(begins: IntArray, modes: IntArray, ticks: int) -> IntArray:
     """Return pieces (K, 3) from their begins and modes (K,) and the number of all ticks."""

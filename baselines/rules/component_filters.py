@@ -73,15 +73,24 @@ class _Assumption(NamedTuple):
     law: NoiseLaw
 
 
-class _Memory(NamedTuple):
-    """Temporary memory of a block of tracks, for M hypotheses."""
+class FilterRecords(NamedTuple):
+    """Temporary memory of filters, for M hypotheses of a block of tracks."""
 
+    # (M,) records `AWARE_HYPOTHESIS`
+    filters: AnyArray
     # (M,) records `INNOVATION`
     innovations: AnyArray
     # (1,) record `MEASURED`
     measured: AnyArray
-    # (M,) records `AWARE_HYPOTHESIS`
-    before: AnyArray
+
+
+def filter_records(hypotheses: int) -> FilterRecords:
+    """Return memory for M hypotheses."""
+    return FilterRecords(
+        aligned_zeros((hypotheses,), AWARE_HYPOTHESIS),
+        aligned_zeros((hypotheses,), INNOVATION),
+        aligned_zeros((1,), MEASURED),
+    )
 
 
 class Anchors(NamedTuple):
@@ -99,7 +108,7 @@ class Anchors(NamedTuple):
 
 @internal
 def _sense(
-    bank: Any, memory: _Memory, first: int, last: int, sensors: AnyArray, model: FilterModel
+    bank: Any, memory: FilterRecords, first: int, last: int, sensors: AnyArray, model: FilterModel
 ) -> None:
     """Advance the filters of lanes first .. last - 1 by a tick."""
     for h in range(bank.size):
@@ -126,7 +135,7 @@ def _filter_tick(
     measurements: FloatArray,
     radii: FloatArray,
     sensors: AnyArray,
-    memory: _Memory,
+    memory: FilterRecords,
 ) -> None:
     """Start the filters of some tracks, (N,), at anchors (C, N, 14), then advance all by one tick.
     The filters, (blocks, M) records, have C N lanes: the tracks of one component after the other.
@@ -145,7 +154,7 @@ def _filter_tick(
                 radius = signed_radius(h, radii)
                 begin_turn(bank[h], lane, anchor, covariance, radius, assumption.model)
         for h in range(bank.size):
-            memory.before[h] = bank[h]
+            memory.filters[h] = bank[h]
         _sense(bank, memory, 0, lanes, sensors, assumption.model)
         for lane in range(lanes):
             smallest = math.inf
@@ -156,7 +165,7 @@ def _filter_tick(
             if smallest >= assumption.distance:
                 # No hypothesis explains the measurement.
                 for h in range(bank.size):
-                    copy_filter(memory.before[h], lane, bank[h], lane)
+                    copy_filter(memory.filters[h], lane, bank[h], lane)
                     bank[h].log_likelihood[lane] += assumption.law.log_outlier_odds
                 _sense(bank, memory, lane, lane + 1, sensors, assumption.outlier_model)
         for lane in range(lanes):
@@ -237,11 +246,7 @@ class ComponentFilters(OwnState):
             self.sensors = np.zeros(1, SENSOR)
         # Whether the axes are known, (N,).
         self.axes_known = np.zeros(tracks, np.bool_)
-        self.memory = _Memory(
-            aligned_zeros((M,), INNOVATION),
-            aligned_zeros((1,), MEASURED),
-            aligned_zeros((M,), AWARE_HYPOTHESIS),
-        )
+        self.memory = filter_records(M)
         self._combine()
 
     def advance(

@@ -13,9 +13,6 @@ from baselines.rules.steady import worth_of
 from hybrid_env.checks import FloatArray, Moments
 from hybrid_env.quickest_options import QuickestOptions
 
-# Number of future rows that are counted for the mode of the last one: otherwise no change would be
-# worth its cost with a short lag. It was chosen for simulated objects with lags of 1 to 20.
-AHEAD = 3.0
 LARGEST_LAG = PIECE_TICKS - 1
 
 
@@ -101,7 +98,9 @@ class FixedLagSmoother:
         lattice = self._walk.lattice(self._offsets, arrays, self._ends)
         probabilities = smooth_lattice(lattice, self.model)
         weights = self._measured.copy()
-        weights[-1] += AHEAD
+        # Future rows that are counted for the mode of the last one: otherwise no change would be
+        # worth its cost with a short lag. Chosen for simulated objects with lags of 1 to 20.
+        weights[-1] += 3.0
         worth = probabilities @ self._worth
         modes = choose_modes(worth, weights, last=self._mode)
         begins = np.empty(len(modes), bool)

@@ -10,7 +10,7 @@ dropped. The filters are those of `anchor_aware`, with an exact anchor those of 
 """
 
 import math
-from typing import ClassVar, Literal, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from scipy.special import logsumexp
@@ -153,14 +153,14 @@ class RestartDecider(MeasurementDecider):
     tell the other modes apart.
 
     The detector of Golubkov 2020, for M modes and any number of switches, is the rule with the
-    `mean` of the likelihood ratios of all start ticks, lambda_k of eq. (6): the likelihood ratio of
-    a switch at a uniformly distributed moment. The paper tests one turn against straight motion,
-    once. Here every mode is tested against the stated one, and after a change of the statement the
-    test begins anew from the most likely filter of the new mode. The rule of the paper is
-    `margin=0`, a window that is not shorter than the episode, and the threshold ln A = ln((1 -
-    beta) / alpha), 2.2 for alpha = beta = 0.1. Its lower threshold B, at which the test ends in
-    favour of the stated mode, is not used: here the test would begin anew, and forget switches that
-    have just begun.
+    `mean` of the likelihood ratios of all start ticks, lambda_k of eq. (6): the likelihood
+    ratio of a switch at a uniformly distributed moment. Its filters are those of the published
+    bank. The paper tests one turn against straight motion, once. Here every mode is tested
+    against the stated one, and after a change of the statement the test begins anew from the
+    most likely filter of the new mode. The rule of the paper is `margin=0`, a window that is
+    not shorter than the episode, and the threshold ln A = ln((1 - beta) / alpha), 2.2 for alpha
+    = beta = 0.1. Its lower threshold B, at which the test ends in favour of the stated mode, is
+    not used: here the test would begin anew, and forget switches that have just begun.
 
     Args:
         options: of the environment.
@@ -169,9 +169,9 @@ class RestartDecider(MeasurementDecider):
             one, >= 0.
         window: number of last ticks at which the switch can be, 1 to 10,000, at most since the last
             change of the statement.
-        bank: filters of the modes, "published" or "anchor_aware" as in the option `bank` of the
-            environment, with the covariance of the estimate at which they start.
-        mean: whether the statistic is the mean of the likelihood ratios, or the largest.
+        mean: whether the statistic is the mean of the likelihood ratios of published filters, or
+            the largest one of anchor-aware filters, see the option `bank` of the environment; both
+            start with the covariance of the estimate.
     """
 
     name = "glr"
@@ -185,7 +185,7 @@ class RestartDecider(MeasurementDecider):
         "detector-2020": {
             "title": "detector 2020",
             "symbol": "ln lambda",
-            "arguments": lambda options: {"window": 40, "bank": "published", "mean": True},
+            "arguments": lambda options: {"window": 40, "mean": True},
         }
     }
 
@@ -195,18 +195,16 @@ class RestartDecider(MeasurementDecider):
         threshold: float = 5.0,
         margin: float = 2.0,
         window: int = 60,
-        bank: Literal["published", "anchor_aware"] = "anchor_aware",
         mean: bool = False,
     ):
         super().__init__(threshold)
         self.margin = checked("margin", margin, PositiveOrZero)
         self.mean = mean
         self.hypotheses = options.hypotheses
-        kind = checked("bank", bank, Literal["published", "anchor_aware"])
         self.model = RestartModel(
             options.motions,
             check_integer("window", window, maximum=10_000),
-            own_filters(options)._replace(exact_anchor=float(kind == "published")),
+            own_filters(options)._replace(exact_anchor=float(mean)),
             sensors_of(options),
         )
 

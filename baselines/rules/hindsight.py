@@ -10,15 +10,7 @@ from numpy.typing import ArrayLike
 from baselines.estimation.pieces import PieceSmoother
 from baselines.rules.beam import BeamDecider
 from baselines.rules.beam_filters import BY_LAW, DEPTH, BeamModel
-from baselines.rules.begins import (
-    SHORT,
-    find_begins,
-    find_brakes,
-    is_passed,
-    modes_of,
-    pieces_of,
-    runs_of,
-)
+from baselines.rules.begins import find_begins, find_brakes, is_passed, modes_of, pieces_of, runs_of
 from baselines.rules.lattice import smooth_lattice, walk_lattice
 from baselines.rules.steady import worth_of
 from hybrid_env.checks import (
@@ -212,7 +204,8 @@ def _find_pieces(
     # An object that stands has no speed, also where its position drifts.
     smoothed[2][stands[modes_of(pieces)], :2] = 0.0
     if stands.any():
-        short = SHORT * options.law.mean_duration
+        # Ticks of a piece that may be part of a stop.
+        short = 0.2 * options.law.mean_duration
         begins, kept = find_brakes(pieces, stands, smoothed[2][:, :2], short)
         begins, moments = begins[kept], moments[kept]
         pieces = pieces_of(begins, pieces[kept, 2], ticks)

@@ -53,10 +53,6 @@ ALPHAS = (
     1e-10,
 )
 """Thresholds of the posterior error probability to sweep."""
-FEW_ALPHAS = (0.6, 0.4, 0.25, 0.15, 0.1, 0.08, 0.05, 0.03, 0.02, 0.01, 3e-3, 3e-4, 1e-5)
-"""Some of `ALPHAS`, for deciders that are slow to evaluate, and for tables over many
-environments.
-"""
 PUBLISHED: dict[str, Any] = {"bank": "published", "evidence": 0.0, "follow": "declared"}
 """Options of the algorithms of the papers: their bank, on which every declaration counts."""
 ROBUST = PUBLISHED | {"likelihood": "student_t 50"}

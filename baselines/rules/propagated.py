@@ -3,7 +3,7 @@ distribution of the anchor error, see `anchor_errors`, or the covariance of the 
 switch.
 """
 
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
@@ -15,14 +15,6 @@ from baselines.rules.msprt import ALPHAS, error_and_best
 from hybrid_env.checks import BoolArray
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
-
-
-class _State(NamedTuple):
-    """What is known of N tracks."""
-
-    filters: ComponentFilters
-    # None if the filters start from the stated covariance.
-    errors: AnchorErrors | None
 
 
 class RefilteringDecider(Decider):
@@ -79,15 +71,17 @@ class RefilteringDecider(Decider):
         """See `Decider.observe`: with sensors also what they measured."""
         return observe_sensed(tracks)
 
-    def begin(self, tracks: int) -> _State:
-        """Return the state of N tracks before their first rows."""
+    def begin(self, tracks: int) -> tuple[ComponentFilters, AnchorErrors | None]:
+        """Return the state of N tracks before their first rows: filters, and the errors of anchors
+        unless the filters start from the stated covariance.
+        """
         world = self.world
         given = self.bank, self.components, tracks, world, self.robust, self.propagates
         errors = AnchorErrors(tracks, world) if self.propagates else None
-        return _State(ComponentFilters(*given), errors)
+        return ComponentFilters(*given), errors
 
     def anchors(
-        self, state: _State, rows: Observations, begins: BoolArray, first: BoolArray
+        self, state: Any, rows: Observations, begins: BoolArray, first: BoolArray
     ) -> Anchors:
         """Return the anchors of the n tracks that begin a segment. begins, first: (N,) of a
         segment, of an episode.
@@ -95,9 +89,10 @@ class RefilteringDecider(Decider):
         begun = np.flatnonzero(begins)
         anchors = stated_anchors(self.world, rows[begun], self.components)
         later = ~first[begun]
-        if state.errors is not None and later.any():
+        filters, errors = state
+        if errors is not None and later.any():
             tracks = begun[later]
-            computed = state.errors.after(state.filters, rows[tracks], tracks)
+            computed = errors.after(filters, rows[tracks], tracks)
             for values, of_later in zip(anchors, computed, strict=True):
                 values[later] = of_later
         return anchors
@@ -111,18 +106,15 @@ class RefilteringDecider(Decider):
         if state is None:
             state = self.begin(tracks)
             begins[:] = first = np.ones(tracks, bool)
-        anchors = self.anchors(state, rows, begins, first)
-        state.filters.advance(rows, begins, anchors, first, sensed)
-        if state.errors is not None:
-            state.errors.advance(rows, begins, sensed)
-        error, best = error_and_best(state.filters.posterior.sum(0), self.world.groups)
+        filters, errors = state
+        filters.advance(rows, begins, self.anchors(state, rows, begins, first), first, sensed)
+        if errors is not None:
+            errors.advance(rows, begins, sensed)
+        error, best = error_and_best(filters.posterior.sum(0), self.world.groups)
         return np.where(error <= self.threshold, best + 1, 0), state
 
-    def select_tracks(self, state: _State, tracks: BoolArray) -> _State:
+    def select_tracks(self, state: Any, tracks: BoolArray) -> Any:
         """Return the state of the tracks selected by a mask (N,); `evaluate` drops finished
         tracks.
         """
-        return _State(
-            state.filters.select_tracks(tracks),
-            state.errors.select_tracks(tracks) if state.errors else None,
-        )
+        return tuple(part and part.select_tracks(tracks) for part in state)

@@ -6,32 +6,17 @@ tick, and gives the error of the estimate for this hypothesis.
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
+from baselines.rules.component_filters import FilterRecords
 from baselines.rules.measurements import copy_filter
 from hybrid_env.checks import AnyArray, FloatArray, IntArray
 from hybrid_env.compiled import FilterModel, compiled, internal, move_turn, state_of, step_motion
 
 # States of a filter: [x, vx, y, vy, centre_x, centre_y, turn_rate].
 FILTER_STATES = 7
-# (2, 14) position of the object less that of the bank's filter.
-APART = (
-    np.eye(2 * FILTER_STATES)[[0, 2]]
-    - np.eye(2 * FILTER_STATES)[[FILTER_STATES, FILTER_STATES + 2]]
-)
-
-
-class PropagationMemory(NamedTuple):
-    """Temporary memory of a propagation, of which lane 0 is used."""
-
-    # (1,) record `AWARE_HYPOTHESIS`
-    kalman: AnyArray
-    # (1,) record `INNOVATION`
-    innovation: AnyArray
-    # (1,) record `MEASURED`
-    measured: AnyArray
 
 
 @internal
@@ -72,7 +57,7 @@ def _move(mean: FloatArray, tau: float) -> FloatArray:
 def _tick(
     mean: FloatArray,
     joint: FloatArray,
-    memory: PropagationMemory,
+    memory: FilterRecords,
     precision: FloatArray,
     noise: FloatArray,
     sensors: AnyArray,
@@ -82,7 +67,7 @@ def _tick(
     covariance, (14, 14), which was `joint`. precision: (2, 2) inverse of the covariance of the
     measurement in the model of the filter; noise: (2, 2) covariance of its errors.
     """
-    kalman = memory.kalman[0]
+    kalman = memory.filters[0]
     measured = memory.measured[0]
     motion = np.zeros((2 * FILTER_STATES, 2 * FILTER_STATES))
     motion[:FILTER_STATES, :FILTER_STATES] = _move(mean[:FILTER_STATES], model.tau)
@@ -93,7 +78,7 @@ def _tick(
     measured.measurement[0, 0] = mean[0]
     measured.measurement[1, 0] = mean[2]
     first, last = np.uint64(0), np.uint64(1)
-    step_motion(kalman, memory.innovation[0], first, last, None, measured, sensors, model)
+    step_motion(kalman, memory.innovations[0], first, last, None, measured, sensors, model)
     # K = P H' / R with the corrected P.
     # Entries of y in a covariance of the seven states, upper triangle row by row.
     of_y = 2, 8, 13, 14, 15, 16, 17
@@ -103,7 +88,10 @@ def _tick(
         of_measured[1, j] = kalman.covariance[of_y[j], 0]
     gains = precision @ of_measured
     correction = np.eye(2 * FILTER_STATES)
-    correction[FILTER_STATES:] += gains.T @ APART
+    # By the position x, y of the object less that of the bank's filter.
+    for k in range(2):
+        correction[FILTER_STATES:, 2 * k] += gains[k]
+        correction[FILTER_STATES:, FILTER_STATES + 2 * k] -= gains[k]
     mean[:] = correction @ mean
     corrected = correction @ moved @ correction.T
     corrected[FILTER_STATES:, FILTER_STATES:] += gains.T @ (noise @ gains)
@@ -147,7 +135,7 @@ def propagate_anchor(
     bank: AnyArray,
     sensors: AnyArray,
     model: FilterModel,
-    memory: PropagationMemory,
+    memory: FilterRecords,
 ) -> None:
     """Write what `_write_error` does, (K, 30), of K courses, (K, 8): assumption, block, hypothesis
     and lane of a filter of the decider; block, declared hypothesis and lane of the bank; ticks to
@@ -158,10 +146,10 @@ def propagate_anchor(
     R = np.empty((2, 2))
     for k in range(len(courses)):
         assumption, block, h, lane, bank_block, declared, bank_lane, ticks = courses[k]
-        copy_filter(bank[bank_block, declared], bank_lane, memory.kalman[0], 0)
+        copy_filter(bank[bank_block, declared], bank_lane, memory.filters[0], 0)
         joint = np.zeros((2 * FILTER_STATES, 2 * FILTER_STATES))
         # Its covariance is replaced by that of the object: the state of the bank is known.
-        _read_filter(memory.kalman[0], 0, mean[FILTER_STATES:], joint)
+        _read_filter(memory.filters[0], 0, mean[FILTER_STATES:], joint)
         _read_filter(filters[assumption, block, h], lane, mean[:FILTER_STATES], joint)
         R[0, 0] = model.variance_x * noise[k, 0]
         R[0, 1] = model.variance_x * noise[k, 1]

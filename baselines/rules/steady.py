@@ -1,6 +1,6 @@
 """A threshold on the probabilities of the bank whose statements last."""
 
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -21,17 +21,6 @@ def worth_of(types: IntArray) -> FloatArray:
     """
     worth: FloatArray = 0.8 * np.equal.outer(types, types) + 0.2 * np.eye(len(types))
     return worth
-
-
-class SteadyState(NamedTuple):
-    """State of N tracks, (N,) each."""
-
-    # Most probable mode, or if its type is not stated, -1 less its type.
-    leader: IntArray
-    # Number of the last measurements at which it has been likelier than all others together.
-    leads: IntArray
-    # Number of measurements for which the statement has lasted.
-    lasts: IntArray
 
 
 class SteadyDecider(ThresholdDecider):
@@ -66,9 +55,13 @@ class SteadyDecider(ThresholdDecider):
         return super().create(options, types=None if distinct else types, **arguments)
 
     def decide(
-        self, observation: Observations, state: SteadyState | None, episode_start: Any
-    ) -> tuple[Actions, SteadyState]:
-        """See `Decider.decide`; rows tell where an episode begins."""
+        self, observation: Observations, state: Any, episode_start: Any
+    ) -> tuple[Actions, tuple[IntArray, IntArray, IntArray]]:
+        """See `Decider.decide`; rows tell where an episode begins. The state, (N,) each, is the
+        leader: the most probable mode, or if its type is not stated, -1 less its type; the number
+        of the last measurements at which it has been likelier than all others together; and the
+        number of measurements for which the statement has lasted.
+        """
         layout = QuickestLayout.of_rows(observation)
         probability = np.exp(layout.read(observation, "log_probability"))
         stated, started = read_statement(observation)
@@ -76,14 +69,14 @@ class SteadyDecider(ThresholdDecider):
         leader = best
         if self._types is not None:
             best, largest, leader = self._of_types(self._types, probability, stated)
-        if state is None:
-            state = SteadyState(leader, np.zeros_like(best), np.full_like(best, self.lasting))
-        leads = np.where(started & (state.leader == leader), state.leads + 1, 1)
+        start = leader, np.zeros_like(best), np.full_like(best, self.lasting)
+        led, leads, lasts = state or start
+        leads = np.where(started & (led == leader), leads + 1, 1)
         leads *= largest > 0.5
         likely = (largest >= self.threshold) | (leads >= self.leading)
-        changes = ~started | (likely & (best != stated) & (state.lasts >= self.lasting))
-        lasts = np.where(changes, 1, state.lasts + 1)
-        return np.where(changes, best, stated), SteadyState(leader, leads, lasts)
+        changes = ~started | (likely & (best != stated) & (lasts >= self.lasting))
+        lasts = np.where(changes, 1, lasts + 1)
+        return np.where(changes, best, stated), (leader, leads, lasts)
 
     def _of_types(
         self, types: IntArray, probability: FloatArray, stated: Actions

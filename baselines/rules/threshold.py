@@ -9,33 +9,12 @@ from baselines.rules.decider import UNKNOWN, Actions, Decider, Observations
 from hybrid_env.checks import BoolArray, FloatArray, IntArray
 from hybrid_env.observation import QuickestLayout
 
-PROBABILITIES = (
-    0.0,
-    0.1,
-    0.2,
-    0.3,
-    0.4,
-    0.45,
-    0.5,
-    0.55,
-    0.6,
-    0.65,
-    0.7,
-    0.75,
-    0.8,
-    0.85,
-    0.9,
-    0.95,
-    0.98,
-    0.99,
-    0.999,
-)
-"""Thresholds of the probability to sweep."""
-
 
 def reachable_probabilities(hypotheses: int) -> tuple[float, ...]:
     """Return thresholds on the largest probability of M modes, which is never below 1 / M."""
-    return tuple(p for p in PROBABILITIES if p == 0.0 or p > 1.0 / hypotheses)
+    low = (0.0, 0.1, 0.2, 0.3, 0.4, 0.45, 0.5, 0.55, 0.6)
+    high = (0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95, 0.98, 0.99, 0.999)
+    return tuple(p for p in (*low, *high) if p == 0.0 or p > 1.0 / hypotheses)
 
 
 def state_modes(

@@ -15,7 +15,7 @@ import numpy as np
 from baselines.scoring.estimates import Estimate
 from baselines.scoring.scores import Scores
 from baselines.scoring.timelines import (
-    NOTHING,
+    NO_MODE,
     Timeline,
     TimelineCounts,
     count_timeline,
@@ -97,7 +97,7 @@ class TimelineScores:
 
 
 Samples: TypeAlias = tuple[AnyArray, IntArray]
-"""Times (n,) and indices of the modes (n,) of one track, `NOTHING` where there is no mode."""
+"""Times (n,) and indices of the modes (n,) of one track, `NO_MODE` where there is no mode."""
 
 
 def score(
@@ -148,7 +148,7 @@ def score(
             clocks = statement_times.get(name)
         given = ("times", times) if clocks is None else ("statement_times", clocks)
         tracks = _tracks(*given, name, stated, indices)
-        spoken = {index for _, of_track in tracks for index in of_track.tolist()} - {NOTHING}
+        spoken = {index for _, of_track in tracks for index in of_track.tolist()} - {NO_MODE}
         if len(tracks) != len(true) or (spoken and min(spoken) >= len(modes)):
             allowed = f"{len(true)} tracks with modes of the truth, such as {known}"
             raise reject(name, stated, allowed)
@@ -195,11 +195,11 @@ def _times(name: str, values: Any) -> AnyArray:
 
 
 def _index(mode: Any, indices: dict[Any, int]) -> int:
-    """Return the index of a mode, `NOTHING` for a missing one."""
+    """Return the index of a mode, `NO_MODE` for a missing one."""
     # Pandas, whose types of a missing mode these are, is not imported.
     missing = type(mode).__name__ in ("NAType", "NaTType")
     if mode is None or missing or mode == "" or mode != mode:
-        return NOTHING
+        return NO_MODE
     return indices.setdefault(mode, len(indices))
 
 
@@ -217,8 +217,8 @@ def _merge(true: Samples, stated: Samples) -> Timeline:
     clock = clock[(clock >= true_times[0]) & (clock <= true_times[-1])]
     modes = true[1][np.searchsorted(true_times, clock, "right") - 1]
     # Before the first statement nothing is stated.
-    spoken = np.append(NOTHING, stated[1])[np.searchsorted(stated_times, clock, "right")]
-    scored = modes != NOTHING
+    spoken = np.append(NO_MODE, stated[1])[np.searchsorted(stated_times, clock, "right")]
+    scored = modes != NO_MODE
     # Where the truth is not known the mode before goes on, so that its return is no switch.
     known = np.maximum.accumulate(np.where(scored, np.arange(len(clock)), -1))
     modes = modes[np.where(known < 0, int(scored.argmax()), known)]

@@ -30,7 +30,7 @@ statement per switch.
 
 
 def of_types(name: str) -> Statistic:
-    """Return a figure of the types of the modes, such as left: see `TYPE_COLUMNS`."""
+    """Return a figure of the types of the modes, such as left; their columns begin with type_."""
     statistic = STATISTICS[name]
     return replace(statistic, columns=tuple(f"type_{column}" for column in statistic.columns))
 
@@ -82,9 +82,6 @@ class StatementMetrics:
 
 STATEMENT_COLUMNS = tuple(field.name for field in fields(StatementMetrics))[1:]
 """Names of the values of a track."""
-
-# Columns of the types of motion: straight, left, right.
-TYPE_COLUMNS = tuple(f"type_{name}" for name in STATEMENT_COLUMNS)
 
 
 def measure_statements(statements: Statements, change_cost: float = 5.0) -> StatementMetrics:

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from baselines.scoring.scores import Statistic, quotient, ratio
 from hybrid_env.checks import AnyArray, BoolArray, FloatArray, IntArray
 
-# In place of a stated mode where nothing is stated.
-NOTHING = -1
+# In place of the index of a mode where none is declared or stated.
+NO_MODE = -1
 
 
 class Timeline(NamedTuple):
@@ -21,7 +21,7 @@ class Timeline(NamedTuple):
     times: FloatArray
     # True modes.
     modes: IntArray
-    # Stated modes, `NOTHING` where nothing is stated.
+    # Stated modes, `NO_MODE` where nothing is stated.
     stated: IntArray
     # False where the truth is not known.
     scored: BoolArray
@@ -151,7 +151,7 @@ def count_timeline(
     counted = detected | missed
     back = modes[begin] == normal
 
-    changes = np.flatnonzero((np.diff(stated, prepend=stated[:1]) != 0) & (stated != NOTHING))
+    changes = np.flatnonzero((np.diff(stated, prepend=stated[:1]) != 0) & (stated != NO_MODE))
     ends = np.append(changes, len(times))[1:]
     certain = 2 * (known[ends] - known[changes]) > ends - changes
     changes = changes[certain]

@@ -2,7 +2,7 @@
 A quadrotor with six degrees of freedom
 =======================================
 
-The radar study of Novospaskyi 2025 (``python -m studies.radar thesis``) flies a point mass. Here a rigid body in the physics
+The radar study of Novospaskyi 2025 flies a point mass. Here a rigid body in the physics
 engine `PyBullet <https://pybullet.org>`_ flies the same routes with the same guidance: four rotor forces with motor lag, and drag.
 A geometric attitude controller follows the thrust command: Lee, Leok and McClamroch 2010, "Geometric tracking control of a
 quadrotor UAV on SE(3)". ``pip install pybullet``

@@ -84,7 +84,7 @@ def correct(
     variances: FloatArray,
     axes: FloatArray,
     robust: StudentT | None = None,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Correct predicted estimates, (B, n) and (B, n, n), by measured positions (B, d) [m].
 
     Args:
@@ -94,13 +94,11 @@ def correct(
         robust: law of the errors; None is the Kalman filter.
 
     Returns:
-        estimates, covariances, and (B,) the log-likelihood of the measurement and its squared
-        innovation in units of its covariance.
+        estimates, covariances, and (B,) the log-likelihood of the measurement.
     """
     m = state.shape[-1] // measurement.shape[-1]
     factors = gaussian_factors if robust is None else robust.factors
     log_likelihood = np.zeros(len(state))
-    nis = np.zeros(len(state))
     for variance, axis in zip(variances.T, np.moveaxis(axes, -1, 0), strict=True):
         # P h.
         cross = (covariance[..., ::m] @ axis[..., None])[..., 0]
@@ -111,5 +109,4 @@ def correct(
         removed = of_covariance[:, None, None] * cross[:, :, None] * cross[:, None, :]
         covariance = covariance - removed
         log_likelihood += log_density
-        nis += innovation**2 / (predicted + variance)
-    return state, covariance, log_likelihood, nis
+    return state, covariance, log_likelihood

@@ -25,8 +25,7 @@ class IMMFilter(TrackFilter):
     Derivatives that two models share are mixed. One that only one of them has is distributed as at
     the start of a track, with mean 0 and the variance of its `start_deviations`: a variance of 0
     would make the filter blind to the first seconds of a manoeuvre (Granstrom, Willett & Bar-Shalom
-    2015, "Systematic approach to IMM mixing for unequal dimension states"). `nis` is that of the
-    merged prediction.
+    2015, "Systematic approach to IMM mixing for unequal dimension states").
 
     Args:
         filters: Kalman filters, plain or robust, with the same number of axes. A filter with more
@@ -79,7 +78,7 @@ class IMMFilter(TrackFilter):
             track_filter.begin(tracks)
         self._log_probabilities = np.tile(np.log(self._stationary), (tracks, 1))
         self._merge()
-        self._no_measurement()
+        self.log_likelihood = np.zeros(self.tracks)
 
     def begin_from(
         self, state: ArrayLike, covariance: ArrayLike, probabilities: ArrayLike | None = None
@@ -135,14 +134,6 @@ class IMMFilter(TrackFilter):
 
     def update(self, measurement: ArrayLike, noise: FloatArray | None = None) -> None:
         """See `TrackFilter.update`."""
-        noises = [track_filter.noise if noise is None else noise for track_filter in self.filters]
-        spread = self.covariance[:, :: self.order, :: self.order] + sum(
-            p[:, None, None] * each for p, each in zip(self.probabilities.T, noises, strict=True)
-        )
-        # NaN without a measurement.
-        innovation = (np.asarray(measurement, float) - self.position)[..., None]
-        nis = innovation.mT @ np.linalg.inv(spread) @ innovation
-        self.nis = nis[:, 0, 0]
         for track_filter in self.filters:
             track_filter.update(measurement, noise)
         each = np.stack([track_filter.log_likelihood for track_filter in self.filters], axis=-1)

@@ -47,7 +47,7 @@ class KalmanFilter(TrackFilter):
         """See `TrackFilter.begin`."""
         self.state = np.full((tracks, self.model.size), np.nan)
         self.covariance = np.full((tracks, self.model.size, self.model.size), np.nan)
-        self._no_measurement()
+        self.log_likelihood = np.zeros(self.tracks)
 
     def begin_from(self, state: ArrayLike, covariance: ArrayLike) -> None:
         """Forget everything and begin all tracks with estimates (B, n), and their covariances
@@ -56,7 +56,7 @@ class KalmanFilter(TrackFilter):
         self.state = np.array(state, float)
         shape = (self.tracks, self.model.size, self.model.size)
         self.covariance = np.array(np.broadcast_to(covariance, shape), float)
-        self._no_measurement()
+        self.log_likelihood = np.zeros(self.tracks)
 
     def predict(self, dt: float | FloatArray) -> None:
         """See `TrackFilter.predict`."""
@@ -69,7 +69,7 @@ class KalmanFilter(TrackFilter):
         variances, axes = self._components if noise is None else np.linalg.eigh(noise)
         variances = np.broadcast_to(variances, size)
         axes = np.broadcast_to(axes, (*size, self.axes))
-        self._no_measurement()
+        self.log_likelihood = np.zeros(self.tracks)
         measured = ~np.isnan(values).any(1)
         begun = ~np.isnan(self.state[:, 0])
         used = measured & begun
@@ -81,7 +81,7 @@ class KalmanFilter(TrackFilter):
             axes[used],
             self.robust,
         )
-        self.state[used], self.covariance[used], self.log_likelihood[used], self.nis[used] = results
+        self.state[used], self.covariance[used], self.log_likelihood[used] = results
         if (measured & ~begun).any():
             self._start(measured & ~begun, values, self.noise if noise is None else noise)
 

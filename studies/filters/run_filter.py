@@ -21,8 +21,6 @@ class Estimates:
     covariances: FloatArray | None
     # (T, B), see `TrackFilter.log_likelihood`
     log_likelihoods: FloatArray
-    # (T, B), see `TrackFilter.nis`
-    nis: FloatArray
     # Number of values per axis of a state, m.
     order: int
     # Estimates of the state some time ahead, see `horizons` of `run_filter`.
@@ -82,11 +80,11 @@ def run_filter(
             forecast.predict(horizon)
         for rows, each in zip(written, (track_filter, *later), strict=True):
             covariance = np.array(each.covariance) if kept else np.empty(tracks)
-            rows.append((each.state.copy(), covariance, each.log_likelihood, each.nis))
+            rows.append((each.state.copy(), covariance, each.log_likelihood))
     results = []
     for rows in written:
         arrays = [np.stack(column) for column in zip(*rows, strict=True)]
-        states, covariances, logs, nis = [array[:, 0] for array in arrays] if single else arrays
+        states, covariances, logs = [array[:, 0] for array in arrays] if single else arrays
         spread = covariances if kept else None
-        results.append(Estimates(states, spread, logs, nis, track_filter.order))
+        results.append(Estimates(states, spread, logs, track_filter.order))
     return replace(results[0], forecasts=tuple(results[1:]))

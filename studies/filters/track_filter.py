@@ -30,9 +30,6 @@ class TrackFilter(ABC):
     # (B,) of the last measurement given those before; 0 without a measurement and for the one that
     # begins a track; NaN if the filter has no likelihood.
     log_likelihood: FloatArray
-    # (B,) normalized innovation squared, chi-square with d degrees of freedom if the model holds;
-    # NaN without a measurement.
-    nis: FloatArray
 
     @property
     def tracks(self) -> int:
@@ -64,7 +61,3 @@ class TrackFilter(ABC):
 
         `noise` is their covariance in the place of that of the filter, (d, d) or (B, d, d) [m^2].
         """
-
-    def _no_measurement(self) -> None:
-        """Set what belongs to a measurement as without one."""
-        self.log_likelihood, self.nis = np.zeros(self.tracks), np.full(self.tracks, np.nan)

@@ -10,7 +10,6 @@ import tyro
 from rich.progress import track
 
 from agents import run_command
-from studies.league.families import families_tables, play_family
 from studies.league.protocol import EPISODES, play, read_entry
 from studies.league.table import league_figure, league_tables, shipped_entries, world_table
 from studies.results import markdown_table
@@ -28,12 +27,6 @@ class League:
     """Deciders without thresholds: 'mine.py:MyRule', 'model.zip', a run folder, 'shipped' or a
     rule. Without any, files are shown and nothing is played.
     """
-    recipes: tuple[str, ...] = ()
-    """Recipes whose agents are trained, and trained further if that was interrupted: 'reward',
-    'q-deep' or 'q-linear' of this study, one of the package, or a YAML file.
-    """
-    training_seeds: int = 5
-    """Number of agents trained per recipe."""
     table: tuple[Path, ...] = ()
     """Files of the league to show, besides those of the study."""
     jobs: int = -1
@@ -41,28 +34,20 @@ class League:
     trust: bool = False
     """Unpickle model.zip, which runs the code in it."""
     quick: bool = False
-    """Three worlds, few episodes, and two seeds of short trainings; nothing is shown beside."""
+    """Three worlds and few episodes; nothing is shown beside."""
     out: Path = Path("results/league")
-    """Folder for a JSON file of each decider, league.md and league.png; of recipes also the run
-    folders.
-    """
+    """Folder for a JSON file of each decider, league.md and league.png."""
 
     def run(self) -> None:
         """Play the deciders, print the tables and write the files."""
-        episodes, seeds, steps, tracks = EPISODES, self.training_seeds, None, 1024
-        deciders, recipes = self.deciders, self.recipes
+        episodes, deciders = EPISODES, self.deciders
         if self.quick:
-            episodes, seeds = {"R = 0.1": 8, "R = 1": 8, "unknown, R = 0.1": 3}, 2
-            steps, tracks = 2000, 16
-            deciders, recipes = deciders or ("msprt", "threshold"), recipes or ("reward",)
+            episodes = {"R = 0.1": 8, "R = 1": 8, "unknown, R = 0.1": 3}
+            deciders = deciders or ("msprt", "threshold")
         files = map(read_entry, self.table)
         shown = [*([] if self.quick else shipped_entries()), *files]
         self.out.mkdir(parents=True, exist_ok=True)
         played = [play(name, episodes, self.jobs) for name in track(deciders, "Playing")]
-        played += [
-            play_family(recipe, seeds, steps, episodes, self.jobs, self.out, tracks)
-            for recipe in track(recipes, "Training")
-        ]
         entries = [*({entry["title"]: entry for entry in (*shown, *played)}).values()]
         for entry in played:
             file = "".join(sign if sign.isalnum() else "-" for sign in entry["title"]) + ".json"
@@ -72,7 +57,7 @@ class League:
             for world, content in entry["worlds"].items():
                 if "refused" in content:
                     print(f"It cannot decide in {world}: {content['refused']}")
-        tables = [*league_tables(entries), *families_tables(entries).values()]
+        tables = league_tables(entries)
         for table in tables:
             print(table.to_string(index=False), end="\n\n")
         text = "\n".join(markdown_table([*table], table.to_numpy()) for table in tables)

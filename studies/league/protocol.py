@@ -106,10 +106,8 @@ def kind_of(decider: Decider, task: Task) -> str:
     return "memoryless" if state is None else "recurrent"
 
 
-def make_entry(
-    decider: str, title: str, kind: str, worlds: dict[str, Any], cost: dict[str, Any] | None = None
-) -> dict[str, Any]:
-    """Return the contents of a file, with a digest of them; `cost` is that of a trained decider."""
+def make_entry(decider: str, title: str, kind: str, worlds: dict[str, Any]) -> dict[str, Any]:
+    """Return the contents of a file, with a digest of them."""
     entry = {
         "protocol": PROTOCOL,
         "versions": {
@@ -121,7 +119,6 @@ def make_entry(
         "kind": kind,
         "worlds": worlds,
     }
-    entry |= {} if cost is None else {"cost": cost}
     return entry | {"digest": digest(entry)}
 
 

@@ -1,16 +1,15 @@
 """The league: the same file twice, the tables, and files that were changed."""
 
 import json
+import re
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from agents import run_command
 from hybrid_env import ArgumentError
 from studies.league.__main__ import League
-from studies.league.families import families_tables, interquartile_mean
-from studies.league.protocol import THREE, play, read_entry, scores_of
+from studies.league.protocol import play, read_entry, scores_of
 from studies.league.table import league_tables, shipped_entries
 
 
@@ -40,24 +39,12 @@ def test_the_tables_of_the_entries_are_those_of_the_page():
         assert row in rows or row[0].startswith("---"), row
 
 
-def test_interquartile_mean_is_that_of_the_middle_half():
-    rewards = np.array([[0.0, 10.0], [1.0, 11.0], [2.0, 12.0], [30.0, 13.0]])
-    mean = interquartile_mean(rewards)
-
-    assert mean.value == np.sort(rewards, axis=None)[2:6].mean()
-    assert mean.low < mean.value < mean.high
-
-
-def test_the_quick_form_plays_and_trains_and_goes_on_from_what_is_there(tmp_path):
-    flags = ["--quick", "--jobs", "1", "--out", str(tmp_path)]
-    assert run_command(League, "league", flags) == 0
+def test_the_quick_form_plays_and_writes_files_that_are_read_again(tmp_path, capsys):
+    assert run_command(League, "league", ["--quick", "--jobs", "1", "--out", str(tmp_path)]) == 0
     assert (tmp_path / "league.png").exists()
-    entry = read_entry(tmp_path / "reward.json")
-    seeds = entry["worlds"]["R = 0.1"]["seeds"]
-    assert scores_of(entry, "R = 0.1").values.mean() == pytest.approx(np.mean(seeds), abs=1e-6)
-    middle = interquartile_mean(np.array(seeds)[:, None]).value
-    assert f"{middle:.3f} (" in families_tables([entry])[THREE]["R = 0.1"].iloc[0]
-    written = {path: path.stat().st_mtime_ns for path in tmp_path.glob("agents/*/league.json")}
+    assert read_entry(tmp_path / "MSPRT.json")["title"] == "MSPRT"
+    [row] = re.findall(r"^\| MSPRT \|.*", (tmp_path / "league.md").read_text(), re.MULTILINE)
 
-    assert run_command(League, "league", [*flags, "--recipes", "reward"]) == 0
-    assert {path: path.stat().st_mtime_ns for path in written} == written
+    shown = ["--quick", "--table", str(tmp_path / "MSPRT.json"), "--out", str(tmp_path / "again")]
+    assert run_command(League, "league", ["threshold", "--jobs", "1", *shown]) == 0
+    assert row in (tmp_path / "again/league.md").read_text()

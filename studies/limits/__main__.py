@@ -4,8 +4,6 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from joblib import cpu_count
-
 from agents import run_command
 from studies.limits import report, study
 from studies.results import in_parallel, save_results
@@ -35,18 +33,9 @@ class Limits:
     out: Path = Path("results")
     """Folder for limits.md and limits.json, and with known switch moments limits.png."""
 
-    def duration(self) -> str:
-        """Return in words how long the study takes."""
-        hours = (1.0 if self.unknown or self.bound else 2.0) * self.episodes / 3000
-        cores = cpu_count() if self.jobs < 0 else self.jobs
-        minutes = f"{60 * hours / cores:.0f} minutes on {cores}"
-        return f"This takes about {hours:.2g} hours on one core, {minutes}; --quick one minute."
-
     def run(self) -> None:
         """Evaluate the rules, print the tables and write the files."""
         episodes = 10 if self.quick else self.episodes
-        if not self.quick:
-            print(self.duration(), flush=True)
         run = episodes, self.seed
         if self.bound:
             parts = {"bound": study.bound_calls(*run, self.quick)}

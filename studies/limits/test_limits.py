@@ -5,19 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from studies.limits.__main__ import Limits
 from studies.limits.study import STEPS
-
-
-def test_the_study_says_how_long_it_takes_before_it_starts(capsys, monkeypatch):
-    def start(*_):
-        raise InterruptedError
-
-    monkeypatch.setattr("studies.limits.__main__.in_parallel", start)
-    with pytest.raises(InterruptedError):
-        Limits(jobs=4).run()
-
-    assert "about 2 hours on one core, 30 minutes on 4" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("flags", [[], ["--unknown"]])

@@ -144,7 +144,6 @@ def _run_ate(
     undecided: Literal["keep", "likeliest"] = "keep",
     recalculation: Literal["none", "as_published", "rewind", "literal"] = "none",
     reference: Literal["active", "straight"] = "active",
-    refine_radius: bool = False,
 ) -> Tracks:
     """Estimate trajectories with the test of Golubkov 2018, algorithm 1.
 
@@ -161,8 +160,6 @@ def _run_ate(
             restores both.
         reference: hypothesis in the denominator of the ratios: "active" for the last decided mode,
             as published, or always "straight".
-        refine_radius: after the decision the most likely hypothesis of the decided type is used;
-            the published algorithm does not change the decided radius.
     """
     upper, lower = sprt_thresholds(alpha)
     runs = np.arange(len(measurements))
@@ -172,7 +169,6 @@ def _run_ate(
     for part in np.split(measurements, np.cumsum(lengths)[:-1], axis=1):
         filters.begin(anchor)
         shape = filters.log_likelihood.shape
-        types = -(-np.arange(shape[1]) // (shape[1] // 2))
         if reference == "straight":
             active = np.zeros_like(active)
         first, chosen = active, active
@@ -185,9 +181,6 @@ def _run_ate(
         for k, measured in enumerate(part.swapaxes(0, 1), start=1):
             filters.step(measured)
             likelihood = filters.log_likelihood
-            if refine_radius:
-                of_type = np.where(types == types[active][:, None], likelihood, -np.inf)
-                active = np.where(done, of_type.argmax(1), active)
             every.append(filters.estimates)
             outputs.append(every[-1][runs, active])
             ratio = likelihood - likelihood[runs, first][:, None]

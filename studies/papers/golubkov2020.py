@@ -40,7 +40,7 @@ def run_detector(
         process_variance=setting.process_variance,
         measurement_variance=variance,
     )
-    rule = RestartDecider(options, threshold, 0.0, window, "published", mean=True)
+    rule = RestartDecider(options, threshold, 0.0, window, mean=True)
     straight = np.full(options.hypotheses, -math.inf)
     straight[0] = 0.0
     row = np.concatenate([[0.0, 0.0], setting.start, np.eye(4)[np.triu_indices(4)], straight])

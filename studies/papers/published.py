@@ -81,7 +81,7 @@ def table_row(
         excuses: (C,) why a value is no evidence, as a setting was fitted to it; it is then not
             counted.
     """
-    names = ("ours", "low", "high", "own_low", "own_high", "median")
+    names = ("ours", "low", "high", "own_low", "own_high")
     return pd.DataFrame(
         {
             "table": table,
@@ -103,8 +103,8 @@ def intervals(
     seed: int,
     study_runs: int = 100,
 ) -> list[FloatArray]:
-    """Return statistics of all runs, the bounds of the 95 % bootstrap interval of a study with
-    fewer runs and those of our own, and the median of single runs, (C,) each.
+    """Return statistics of all runs, and the bounds of the 95 % bootstrap interval of a study with
+    fewer runs and those of our own, (C,) each.
 
     `per_run` has (n, F) values; `statistics` makes (..., C) of means over runs, (..., F).
     """
@@ -112,7 +112,7 @@ def intervals(
     for runs in (study_runs, len(per_run)):
         resampled = statistics(_draws(seed, runs, len(per_run)) @ per_run / runs)
         results += [*np.percentile(resampled, [2.5, 97.5], axis=0)]
-    return [*results, np.median(statistics(per_run), axis=0)]
+    return results
 
 
 @functools.lru_cache(maxsize=4)
@@ -161,7 +161,6 @@ def _texts(cells: pd.DataFrame) -> pd.DataFrame:
             "published": text("published"),
             "ours [its own interval]": text("ours")
             + (" [" + text("own_low", "own_high") + "]").replace(" [-]", ""),
-            "median run": text("median"),
             "95 % interval": text("low", "high"),
             "inside": words + (" (" + cells.excuse + ")").replace(" ()", ""),
         }

@@ -60,9 +60,9 @@ def test_the_published_delay_of_golubkov_2020_is_within_the_distribution():
 
 def test_intervals_are_those_of_a_mean_of_100_runs_and_of_all():
     values = np.random.default_rng(0).normal(5.0, 2.0, (4000, 1))
-    mean, *bounds, median = np.ravel(intervals(values, np.positive, seed=0))
+    mean, *bounds = np.ravel(intervals(values, np.positive, seed=0))
 
-    assert (mean, median) == pytest.approx((values.mean(), np.median(values)))
+    assert mean == pytest.approx(values.mean())
     # With 2,000 resamples the standard error of a 2.5 % quantile is about 4 % of the half width.
     widths = np.diff(bounds)[::2] / (2 * 1.96)
     assert widths == pytest.approx([2.0 / np.sqrt(100), 2.0 / np.sqrt(4000)], rel=0.1)

@@ -1,4 +1,4 @@
-"""Radar tracks of flights, filters on them, and the thesis: `python -m studies.radar`."""
+"""Radar tracks of flights and filters on them: `python -m studies.radar`."""
 
 import sys
 from dataclasses import dataclass
@@ -9,31 +9,26 @@ import tyro
 
 from agents import run_command
 from hybrid_env import ArgumentError
-from studies.papers.published import to_markdown
 from studies.radar.dataset import load_radar_data, write_radar_data
 from studies.radar.flights import FLIGHTS
 from studies.radar.scores import radar_figure, radar_json, radar_tables, score_radar_data
-from studies.radar.thesis import reproduce
 from studies.radar.tuning import TRIALS
 from studies.results import save_results
 
 
 @dataclass(kw_only=True)
 class Radar:
-    """Write the radar data set, score filters on it, or reproduce the tables of the thesis."""
+    """Write the radar data set, or score filters on it."""
 
-    part: Annotated[Literal["data", "scores", "thesis"], tyro.conf.Positional] = "data"
+    part: Annotated[Literal["data", "scores"], tyro.conf.Positional] = "data"
     """'data' writes the data set. 'scores' tunes and scores the filters of the thesis and better
-    ones on it, about ten minutes of one core; a data set in the folder is read. 'thesis' is
-    Novospaskyi 2025, tables 3.1 to 3.6, some minutes. A killed run of these two goes on where it
-    was.
+    ones on it, about ten minutes of one core; a data set in the folder is read, and a killed run
+    goes on where it was.
     """
     out: Path = Path("radar")
     """Output folder."""
     seed: int = 0
     """Seed of flights, radars, noise and tuning."""
-    runs: int = 10
-    """Number of seeds of the noise of 'thesis'."""
     jobs: int = -1
     """Number of processes; -1 for one on each core. The results do not depend on it."""
     quick: bool = False
@@ -43,17 +38,6 @@ class Radar:
         """Do the part, print its tables and write its files."""
         self.out.mkdir(parents=True, exist_ok=True)
         flights, trials = (40, 2) if self.quick else (FLIGHTS, TRIALS)
-        if self.part == "thesis":
-            result = reproduce(
-                1 if self.quick else self.runs,
-                self.seed,
-                folder=self.out / "point-mass",
-                flights=flights,
-                trials=trials,
-                jobs=self.jobs,
-            )
-            save_results(self.out / "thesis", to_markdown(result), result.as_json())
-            return
         if self.part == "data" or not (self.out / "dataset.json").exists():
             write_radar_data(self.out, self.seed, flights)
         data = load_radar_data(self.out)

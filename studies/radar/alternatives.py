@@ -37,7 +37,7 @@ class GHFilter(TrackFilter):
     def begin(self, tracks: int) -> None:
         """See `TrackFilter.begin`."""
         self.state = np.full((tracks, self.motion.size), np.nan)
-        self.log_likelihood = self.nis = np.full(tracks, np.nan)
+        self.log_likelihood = np.full(tracks, np.nan)
         # Measurements at different moments so far, and the time since the last one [s].
         self._count = np.zeros(tracks, int)
         self._elapsed = np.zeros(tracks)

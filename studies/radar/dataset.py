@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.stats import chi2
 
 from baselines import Scores, Statistic
 from hybrid_env import ArgumentError
@@ -30,20 +29,10 @@ from studies.radar.radars import (
 
 # Times ahead [s].
 HORIZONS = (1.0, 2.0, 5.0)
-# Probability of the stated region of a forecast.
-REGION = 0.95
 # Columns of a flight: RMSE of position [m] and velocity [m/s] as means over the axes, RMSE of the
 # position by eq. (1.25) of the thesis [m], RMSE of the measurements as the mean over the axes [m],
-# RMSE of the forecast positions as means over the axes [m], and share of true positions within the
-# stated regions. See `flight_errors`.
-COLUMNS = (
-    "position",
-    "velocity",
-    "distance",
-    "measured",
-    *(f"ahead {h:g}" for h in HORIZONS),
-    *(f"covered {h:g}" for h in HORIZONS),
-)
+# RMSE of the forecast positions as means over the axes [m]. See `flight_errors`.
+COLUMNS = ("position", "velocity", "distance", "measured", *(f"ahead {h:g}" for h in HORIZONS))
 STATISTICS = {name: Statistic((name,), np.positive) for name in COLUMNS}
 # Noise reduction ratio: the error that a filter leaves of that of the measurements.
 STATISTICS["noise reduction ratio"] = Statistic(("position", "measured"), np.divide)
@@ -182,33 +171,12 @@ def truth_ahead(
 def score_estimates(name: str, estimated: Estimated, data: RadarData, noise: Noise) -> Scores:
     """Return the scores of estimates on the test flights, with forecasts at `HORIZONS`."""
     tracks = data.tracks["test"][noise]
-    errors = tracks.errors(estimated.positions, estimated.velocities)[:, [0, 2, 4]]
-    measured = flight_errors(tracks.measurements, tracks.positions)[:, :1]
-    ahead = [
-        _forecast_scores(*forecast, truth_ahead(data.flights["test"], tracks, horizon))
+    position, distance = flight_errors(estimated.positions, tracks.positions).T
+    velocity, _ = flight_errors(estimated.velocities, tracks.velocities).T
+    measured, _ = flight_errors(tracks.measurements, tracks.positions).T
+    forecasts = [
+        flight_errors(forecast, truth_ahead(data.flights["test"], tracks, horizon))[:, 0]
         for horizon, forecast in zip(HORIZONS, estimated.forecasts, strict=True)
     ]
-    values = np.concatenate([errors, measured, *np.swapaxes(ahead, 0, 1).mT], axis=1)
+    values = np.column_stack([position, velocity, distance, measured, *forecasts])
     return Scores(name, "", (0.0,), COLUMNS, values[..., None])
-
-
-def _forecast_scores(
-    positions: FloatArray, covariances: FloatArray | None, truth: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the RMSE [m] and the share of true positions in the stated region, (N,) each."""
-    rmse = flight_errors(positions, truth)[:, 0]
-    if covariances is None:
-        return rmse, np.full(len(rmse), np.nan)
-    squares = squared_distances(truth - positions, covariances)
-    inside = squares <= chi2.ppf(REGION, 3)
-    return rmse, inside.sum(0) / np.isfinite(squares).sum(0)
-
-
-def squared_distances(errors: FloatArray, covariances: FloatArray) -> FloatArray:
-    """Return squared Mahalanobis distances (...) of errors (..., 3); NaN where one is missing."""
-    squares = np.full(errors.shape[:-1], np.nan)
-    counts = ~np.isnan(errors[..., 0])
-    known = errors[counts]
-    white = np.linalg.solve(covariances[counts], known[..., None])[..., 0]
-    squares[counts] = (known * white).sum(-1)
-    return squares

@@ -35,8 +35,8 @@ class Estimated(NamedTuple):
     positions: FloatArray
     # (K, N, 3) [m/s]
     velocities: FloatArray
-    # Forecast positions, (K, N, 3) [m], and their covariances if there are any, (K, N, 3, 3) [m^2].
-    forecasts: tuple[tuple[FloatArray, FloatArray | None], ...] = ()
+    # Forecast positions, (K, N, 3) [m] each.
+    forecasts: tuple[FloatArray, ...] = ()
 
 
 def moving_average(values: FloatArray, window: int, ratio: float = 1.0) -> FloatArray:
@@ -80,16 +80,11 @@ def filter_tracks(
         contender.build(parameters),
         measurements,
         tracks.times,
-        keep_covariances=bool(horizons),
+        keep_covariances=False,
         horizons=horizons,
     )
-    forecasts = []
-    for ahead in filtered.forecasts:
-        spread = ahead.covariances
-        if spread is not None:
-            spread = spread[..., :: ahead.order, :: ahead.order]
-        forecasts.append((ahead.positions, spread))
-    return Estimated(filtered.positions, filtered.velocities, tuple(forecasts))
+    forecasts = tuple(ahead.positions for ahead in filtered.forecasts)
+    return Estimated(filtered.positions, filtered.velocities, forecasts)
 
 
 class ThesisKalmanFilter(KalmanFilter):
@@ -104,13 +99,11 @@ class ThesisKalmanFilter(KalmanFilter):
 
 def _thesis_filter(name: Any, parameters: Parameters) -> TrackFilter:
     """KF CV, CA or CJ of the thesis: discrete white noise, P0 = 10000 I. After the start only Q / R
-    matters, so that R is that of the Gaussian noise, except with the published parameters.
-    "sigma_q" is taken for a variance: as such it gives the velocity errors of the published order
-    for KF CV.
+    matters, so that R is that of the Gaussian noise.
     """
     model = MotionModel(name, axes=3, noise=parameters["q"], discretization="discrete")
     deviations = [math.sqrt(ThesisKalmanFilter.start_variance)] * (model.order - 1)
-    return ThesisKalmanFilter(model, parameters.get("variances", SIGMA**2), deviations)
+    return ThesisKalmanFilter(model, SIGMA**2, deviations)
 
 
 def _gh_filter(parameters: Parameters) -> TrackFilter:
@@ -161,8 +154,13 @@ _AVERAGE: dict[str, tuple[BaseDistribution, float]] = {
     "window": (IntDistribution(1, 13), 2),
     "ratio": (_log(1e-3, 0.5), 0.05),
 }
-# As in the thesis, with the moving average.
-THESIS = {
+# One set of parameters for both noises; the process noise is that of the sound CV with Gaussian
+# noise.
+ROBUST = "CV, Student-t"
+# The IMM and the robust update of the Student-t CV, with the parameters that each has alone.
+COMBINED = "IMM, Student-t"
+CONTENDERS = {
+    # As in the thesis, with the moving average.
     "g-h": Contender(
         _gh_filter,
         {"g": (FloatDistribution(0.05, 1.0), 0.6), "h": (FloatDistribution(0.005, 0.6), 0.2)}
@@ -174,9 +172,7 @@ THESIS = {
         )
         for name in ("CV", "CA", "CJ")
     },
-}
-# The thesis names this filter for further work, and does not try it.
-UNTRIED = {
+    # The thesis names this filter for further work, and does not try it.
     "g-h-k": Contender(
         _gh_filter,
         {
@@ -185,10 +181,9 @@ UNTRIED = {
             "k": (_log(1e-4, 0.3), 0.01),
         }
         | _AVERAGE,
-    )
-}
-# Without averaging; R of the Gaussian noise known, continuous process noise, a prior of the start.
-SOUND = {
+    ),
+    # Without averaging; R of the Gaussian noise known, continuous process noise, a prior of the
+    # start.
     "CV": _sound(("CV",), q_CV=(0.1, 1e3)),
     "IMM (CV, CA)": _sound(
         ("CV", "CA"),
@@ -197,10 +192,6 @@ SOUND = {
         sojourn_CV=(1.0, 300.0),
         sojourn_CA=(1.0, 300.0),
     ),
+    ROBUST: _sound(("CV",), degrees_of_freedom=(2.0, 50.0), scale=(0.2, 1.5)),
+    COMBINED: _sound(("CV", "CA")),
 }
-# One set of parameters for both noises; the process noise is that of the sound CV with Gaussian
-# noise.
-ROBUST = {"CV, Student-t": _sound(("CV",), degrees_of_freedom=(2.0, 50.0), scale=(0.2, 1.5))}
-# The IMM and the robust update of the Student-t CV, with the parameters that each has alone.
-COMBINED = "IMM, Student-t"
-CONTENDERS = {**THESIS, **UNTRIED, **SOUND, **ROBUST, COMBINED: _sound(("CV", "CA"))}

@@ -11,15 +11,7 @@ from matplotlib.figure import Figure
 from baselines import Estimate, Scores
 from studies.pictures import draw_estimates
 from studies.radar.dataset import HORIZONS, STATISTICS, RadarData, score_estimates
-from studies.radar.filters import (
-    COMBINED,
-    CONTENDERS,
-    ROBUST,
-    SOUND,
-    THESIS,
-    UNTRIED,
-    filter_tracks,
-)
+from studies.radar.filters import COMBINED, CONTENDERS, ROBUST, filter_tracks
 from studies.radar.radars import NOISE_NAMES, Noise
 from studies.radar.tuning import tune_filters
 from studies.results import in_parallel, markdown_table
@@ -34,19 +26,18 @@ def score_radar_data(data: RadarData, folder: Path, trials: int, jobs: int) -> B
     """Return the scores of all filters by noise, those of the thesis first, tuned on the training
     flights.
 
-    A killed run goes on from the trials in the folder; see `thesis.reproduce` for the arguments.
+    A killed run goes on from the trials in the folder; see `tune_filters` for the arguments.
     """
-    robust = tuple(ROBUST)
-    names = *THESIS, *UNTRIED, *SOUND
-    tuned = tune_filters(names, data.tracks["training"], data.seed, folder, trials, jobs, robust)
+    names = [name for name in CONTENDERS if name not in (ROBUST, COMBINED)]
+    tuned = tune_filters(names, data.tracks["training"], data.seed, folder, trials, jobs, ROBUST)
     # With the parameters that the IMM and the robust update have alone.
-    student = tuned["gaussian"]["CV, Student-t"]
+    student = tuned["gaussian"][ROBUST]
     combined = tuned["gaussian"]["IMM (CV, CA)"] | {
         key: student[key] for key in ("degrees of freedom", "scale")
     }
     scores: dict[Noise, list[Scores]] = {}
     for noise, parameters in tuned.items():
-        filters = {name: parameters[name] for name in (*names, *robust)} | {COMBINED: combined}
+        filters = parameters | {COMBINED: combined}
         calls = [joblib.delayed(score_filter)(*each, data, noise) for each in filters.items()]
         scores[noise] = in_parallel(calls, jobs, NOISE_NAMES[noise])
     return scores
@@ -63,9 +54,8 @@ def score_filter(
 
 def radar_tables(by_noise: ByNoise) -> str:
     """Return a table for each noise, in Markdown: RMSE and half width of its 95 % interval, noise
-    reduction ratio, forecasts at the farthest horizon with the true positions in the stated 95 %
-    region, and the interval of the ratio of the position RMSE to that of the reference on the same
-    flights.
+    reduction ratio, forecasts at the farthest horizon, and the interval of the ratio of the
+    position RMSE to that of the reference on the same flights.
     """
     farthest = f"{HORIZONS[-1]:g}"
     text = ""
@@ -74,7 +64,6 @@ def radar_tables(by_noise: ByNoise) -> str:
         rows = []
         for of_filter in scores:
             estimates = {name: of_filter.estimate(value) for name, value in STATISTICS.items()}
-            covered = estimates[f"covered {farthest}"].value
             ratio = of_filter.ratio(reference, STATISTICS["position"])
             compared = f"{ratio.low:.2f} to {ratio.high:.2f}"
             rows.append(
@@ -86,7 +75,6 @@ def radar_tables(by_noise: ByNoise) -> str:
                     "1" if of_filter is reference else compared,
                     _with_half(estimates["velocity"], 2),
                     _with_half(estimates[f"ahead {farthest}"], 1),
-                    "-" if np.isnan(covered) else f"{100.0 * covered:.0f}",
                 )
             )
         heads = (
@@ -97,7 +85,6 @@ def radar_tables(by_noise: ByNoise) -> str:
             f"position / that of {REFERENCE}",
             "velocity: mean over the axes, m/s",
             f"position {farthest} s ahead, m",
-            "in its 95 % region, %",
         )
         text += markdown_table(heads, rows) + "\n"
     return text

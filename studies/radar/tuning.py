@@ -14,27 +14,17 @@ from optuna.storages import JournalStorage
 from optuna.storages.journal import JournalFileBackend
 
 from studies.radar.filters import CONTENDERS, Parameters, filter_tracks
-from studies.radar.flights import FloatArray
-from studies.radar.radars import NOISES, Noise, Tracks
+from studies.radar.radars import NOISES, Noise, Tracks, flight_errors
 from studies.results import in_parallel
 
 # Trials of each tuning.
 TRIALS = 60
 
 
-def errors(name: str | None, parameters: Parameters, tracks: Tracks) -> FloatArray:
-    """`Tracks.errors` of a contender; None takes the measurements as positions, and 0 as
-    velocity.
-    """
-    if name is None:
-        return tracks.errors(tracks.measurements, np.zeros_like(tracks.velocities))
-    filtered = filter_tracks(CONTENDERS[name], parameters, tracks)
-    return tracks.errors(filtered.positions, filtered.velocities)
-
-
 def training_error(name: str, parameters: Parameters, tracks: Tracks) -> float:
     """Mean position RMSE of flights [m], section 2.3.3."""
-    return float(errors(name, parameters, tracks)[:, 0].mean())
+    filtered = filter_tracks(CONTENDERS[name], parameters, tracks)
+    return float(flight_errors(filtered.positions, tracks.positions)[:, 0].mean())
 
 
 def tune(
@@ -103,11 +93,19 @@ def tune_filters(
     folder: Path,
     trials: int,
     jobs: int,
-    robust: Sequence[str] = (),
+    robust: str,
 ) -> dict[Noise, dict[str, dict[str, Any]]]:
-    """Parameters of filters by noise and name, tuned on the training flights, `robust` ones for
-    both noises after the plain CV filter, with which they are compared; arguments as of
-    `thesis.reproduce`.
+    """Parameters of filters by noise and name, tuned on the training flights, the robust one for
+    both noises after the plain CV filter, with which it is compared.
+
+    Args:
+        names: of the filters.
+        training: the flights by noise.
+        seed: of the tuning.
+        folder: for finished trials, from which a killed run goes on; it is created.
+        trials: number of trials of each tuning.
+        jobs: number of processes; the results do not depend on it.
+        robust: name of the robust filter.
     """
     tuned = partial(
         joblib.delayed(tune), training=training, trials=trials, seed=seed, folder=folder
@@ -115,11 +113,6 @@ def tune_filters(
     calls = [tuned(name, noise) for noise in NOISES for name in names]
     results = iter(in_parallel(calls, jobs, "tuning"))
     by_noise = {noise: {name: next(results) for name in names} for noise in NOISES}
-    if robust:
-        plain = by_noise["gaussian"]["CV"]
-        robustly = [tuned(name, None, plain=plain) for name in robust]
-        both = zip(robust, in_parallel(robustly, jobs, "tuning of robust filters"), strict=True)
-        for name, parameters in both:
-            for of_noise in by_noise.values():
-                of_noise[name] = parameters
-    return by_noise
+    robustly = tuned(robust, None, plain=by_noise["gaussian"]["CV"])
+    [parameters] = in_parallel([robustly], jobs, "tuning of the robust filter")
+    return {noise: by_name | {robust: parameters} for noise, by_name in by_noise.items()}

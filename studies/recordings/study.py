@@ -1,10 +1,7 @@
-"""Deciders on the same recordings: what they state, how often they change it for a few rows only,
-and what they cost.
+"""Deciders on the same recordings: what they state, and how often they change it for a few rows
+only.
 """
 
-import subprocess
-import sys
-import time
 from collections.abc import Sequence
 from typing import Any
 
@@ -13,7 +10,7 @@ from joblib import delayed
 from matplotlib import colormaps
 from matplotlib.figure import Figure
 
-from agents import find_decider, track_recording
+from agents import track_recording
 from baselines import OnlineTracker, Scores, Statistic, score
 from studies.recordings.objects import TARGETS, SimulatedRecording, record
 from studies.results import in_brackets, in_parallel, markdown_table
@@ -188,9 +185,6 @@ def evaluate(
     ]
     results = in_parallel(calls, jobs, "recordings")
     rows = compare("all", results, deciders)
-    for row in rows:
-        if not row["decider"].startswith(HINDSIGHT):
-            row |= costs(row["decider"], results[0][0])
     for part, world in enumerate(worlds):
         here = results[part * tracks : (part + 1) * tracks]
         rows += compare(", ".join(world), here, deciders)
@@ -230,35 +224,10 @@ def compare(world: str, results: Sequence[Statements], deciders: Sequence[str]) 
     return rows
 
 
-def costs(decider: str, recording: SimulatedRecording) -> Row:
-    """Return the time of a measurement of a live tracker [us], the least of three runs, and the
-    time until a new process has the decider [s].
-    """
-    tracked = track_recording(*recording[:2])
-    options = tracked.model.unknown_switches(None, len(recording.times))
-    tracker = OnlineTracker(options, find_decider(decider, options), scales=tracked.model.scales)
-    rows = list(zip(recording.positions.tolist(), recording.times.tolist(), strict=True))
-    passed = []
-    for _ in range(3):
-        tracker.begin()
-        start = time.perf_counter()
-        for position, moment in rows:
-            tracker.update(tuple(position), moment)
-        passed.append(time.perf_counter() - start)
-    code = (
-        "from agents import find_decider, track_recording; from hybrid_env import QuickestOptions;"
-        f" find_decider({decider!r}, QuickestOptions())"
-    )
-    start = time.perf_counter()
-    subprocess.run([sys.executable, "-c", code], check=True)
-    seconds = time.perf_counter() - start
-    return {"row_us": 1e6 * min(passed) / len(recording.times), "start_s": seconds}
-
-
 def markdown(rows: Sequence[Row]) -> str:
     """Return the table."""
     changed = {"right_less_first": 4, "wrong_less_first": 2}
-    numbers = {"shortest": 0, "hourly": 1, "reward": 4, "row_us": 0, "start_s": 1}
+    numbers = {"shortest": 0, "hourly": 1, "reward": 4}
     lines = [
         [
             row["recordings"],
@@ -268,7 +237,7 @@ def markdown(rows: Sequence[Row]) -> str:
                 in_brackets(row[key], digits, sign="+") if row[key] else ""
                 for key, digits in changed.items()
             ),
-            *(f"{row[key]:.{digits}f}" if key in row else "" for key, digits in numbers.items()),
+            *(f"{row[key]:.{digits}f}" for key, digits in numbers.items()),
         ]
         for row in rows
     ]

@@ -49,7 +49,7 @@ class Anchor(WorldsAlgorithm):
         """Create networks, optimizer and buffers."""
         super().build()
         # Inputs of the anchor network and whitened errors; declarations and the losses after them.
-        widths = self.net.anchor.inputs + 4, self.net.regret.inputs + 1
+        widths = self.network.anchor.inputs + 4, self.network.regret.inputs + 1
         self._samples = [np.zeros((0, width), np.float32) for width in widths]
 
     def draw_margins(self, generator: np.random.Generator, tracks: int) -> FloatArray:
@@ -88,7 +88,7 @@ class Anchor(WorldsAlgorithm):
         declarations, 0 without samples.
         """
         losses = [torch.zeros((), requires_grad=True)] * 2
-        networks = self.net.anchor, self.net.regret
+        networks = self.network.anchor, self.network.regret
         parts = zip(self._samples, networks, (anchor_loss, regret_loss), (4, 1), strict=True)
         for k, (rows, network, loss, targets) in enumerate(parts):
             if len(rows):

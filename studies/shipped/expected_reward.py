@@ -134,7 +134,7 @@ class ExpectedRewardAlgorithm(NetworkAlgorithm):
         parts = list(batch.split(self.settings.n_steps))
         for part in parts:
             self.set_learning_rate()
-            outputs = self.net(part.inputs, part.log_probability, memory)
+            outputs = self.network(part.inputs, part.log_probability, memory)
             reward, last = expected_reward(outputs, part, last)
             entropy = cross_entropy(outputs, part)
             loss = (
@@ -142,7 +142,7 @@ class ExpectedRewardAlgorithm(NetworkAlgorithm):
                 - reward.mean()
                 + self.further_loss(outputs, part)
             )
-            self.improve(loss, 0.5, self.net)
+            self.improve(loss, 0.5, self.network)
             self.updates += 1
             memory, last = outputs.memory.detach(), last.detach()
             totals += float(reward.detach().mean()), float(entropy.detach())

@@ -78,7 +78,7 @@ class Statements(ExpectedRewardAlgorithm):
         """Return inputs (T, N, M - 1, k), log-probabilities (T, N, M) and true modes (T, N) of one
         episode of each track.
         """
-        decider = StatementDecider(self.net, world)
+        decider = StatementDecider(self.network, world)
         env = self.make_env(world, tracks)
         rows, _ = env.reset(seed=seed)
         state = decider.initial_state(tracks)

@@ -109,10 +109,10 @@ class Stopping(WorldsAlgorithm):
                 )
                 ticks = torch.arange(earnings.shape[1])
                 inside = ticks < torch.from_numpy(lengths[chosen])[:, None] - 1
-                logits = self.net.stopping(seen)
+                logits = self.network.stopping(seen)
                 earned = expected_reward(logits, earnings, inside)
                 decided = expected_reward(logits.detach(), (ticks + 1).expand_as(logits), inside)
-                self.improve(-earned.mean(), 1.0, self.net.stopping)
+                self.improve(-earned.mean(), 1.0, self.network.stopping)
                 totals.append((float(earned.detach().mean()), float(decided.mean())))
         reward, delay = np.mean(totals, axis=0).tolist()
         return len(inputs), reward, delay, {"expected_reward": reward}

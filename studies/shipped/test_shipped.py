@@ -100,7 +100,7 @@ def test_training_increases_the_expected_reward():
 
 
 def test_the_loss_of_the_anchors_is_the_density_of_the_mixture():
-    net = small_run("anchor", kinds=KINDS).net.anchor
+    net = small_run("anchor", kinds=KINDS).network.anchor
     torch.nn.init.normal_(net.output.weight, std=0.02)
     inputs, errors = torch.randn(5, net.inputs), torch.randn(5, 4)
     with torch.no_grad():

@@ -57,9 +57,9 @@ def test_a_segment_that_runs_on_knows_what_each_declaration_earns():
 
 def test_training_of_the_stop_leaves_the_anchor_agent_as_it_is():
     run = small_run("stopping", steps=700, kinds=KINDS)
-    before = {name: tensor.clone() for name, tensor in run.net.state_dict().items()}
+    before = {name: tensor.clone() for name, tensor in run.network.state_dict().items()}
     run.train()
-    after = run.net.state_dict()
+    after = run.network.state_dict()
     changed = [name for name in after if not torch.equal(after[name], before[name])]
 
     assert changed
@@ -98,7 +98,7 @@ def test_the_stop_is_trained_for_a_delay_cost():
         steps=60_000,
     )
     # Training goes on from a stop that is good already.
-    for layer in run.net.stopping.modules():
+    for layer in run.network.stopping.modules():
         if isinstance(layer, torch.nn.Linear):
             layer.reset_parameters()
     rewards = []

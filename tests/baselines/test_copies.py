@@ -6,6 +6,8 @@ import pickle
 import gymnasium as gym
 import numpy as np
 import pytest
+from own_modes import every_mode
+from own_noise import Rounded
 
 from baselines import BeamDecider, OnlineTracker, SPRTDecider, ThresholdDecider
 from baselines.rules.propagated import RefilteringDecider
@@ -50,6 +52,12 @@ QUICKEST = QuickestOptions()
 KINDS = {
     "environment": lambda: environment(gym.make("HybridTrack-v0").unwrapped),
     "quickest environment": lambda: environment(gym.make("HybridTrackQuickest-v0").unwrapped),
+    "modes and noise": lambda: environment(
+        gym.make("HybridTrack-v0", modes=every_mode(), noise=Rounded()).unwrapped
+    ),
+    "quickest modes and noise": lambda: environment(
+        gym.make("HybridTrackQuickest-v0", modes=every_mode(), noise=Rounded()).unwrapped
+    ),
     "drawn frames": lambda: environment(
         gym.make("HybridTrackQuickest-v0", render_mode="rgb_array").unwrapped
     ),

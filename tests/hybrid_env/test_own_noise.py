@@ -1,8 +1,6 @@
 """A law of the measurement noise that a user writes."""
 
-import copy
 import math
-import pickle
 import sys
 from dataclasses import dataclass
 from typing import Any
@@ -62,20 +60,6 @@ def test_threads_and_simulations_draw_such_errors():
     steps = (run.measurements - run.truth[:, :, ::2]) / (2.0 * 0.25)
     np.testing.assert_allclose(steps, steps.round(), atol=1e-6)
     assert steps.std() == pytest.approx(4.0, rel=0.1)
-
-
-@pytest.mark.parametrize("env_id", ["HybridTrack-v0", "HybridTrackQuickest-v0"])
-def test_copies_and_pickles_of_an_environment_draw_the_same_errors(env_id):
-    env = gym.make(f"hybrid_env:{env_id}", noise=Rounded()).unwrapped
-    env.reset(seed=2)
-    env.step(0)
-    copies = [copy.deepcopy(env), pickle.loads(pickle.dumps(env))]
-
-    expected = env.step(0)[4]["measurement"]
-
-    for each in copies:
-        assert each.options == env.options
-        np.testing.assert_array_equal(each.step(0)[4]["measurement"], expected)
 
 
 class Raising(OwnNoise):

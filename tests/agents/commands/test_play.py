@@ -6,12 +6,14 @@ import pytest
 from PIL import Image
 
 import hybrid_env  # noqa: F401
-from agents import find_decider, task_of
+from agents import task_of
 from agents.commands.play import Play
 from agents.evaluation import episodes as episodes_of
+from agents.evaluation.registry import load_decider
 from baselines.recordings.reading.read import read_recordings
 from baselines.rules.external import as_decider
 from baselines.rules.rollout import record_decisions
+from baselines.scoring.timelines import NO_MODE
 from hybrid_env.checks import ArgumentError
 
 # fixed:5 waits for four ticks of each segment and declares at the fifth.
@@ -92,12 +94,28 @@ def test_closing_the_window_ends_the_command(monkeypatch):
     assert not pygame.display.get_init()
 
 
-@pytest.mark.parametrize("name", ["shipped", "msprt"])
-def test_an_episode_is_the_one_that_is_evaluated(name):
+@pytest.mark.parametrize(
+    ("name", "env_id"),
+    [
+        ("shipped", "hybrid_env:HybridTrack-v0"),
+        ("msprt", "hybrid_env:HybridTrack-v0"),
+        ("ate:1e-3", DECLARED),
+    ],
+)
+def test_an_episode_is_the_one_that_is_evaluated(name, env_id):
     """Also of a decider that reads every tick, where a decision is asked for every few ticks."""
-    task = task_of("hybrid_env:HybridTrack-v0", {"scheme": "S20 L25r5 S20"})
+    task = task_of(env_id, {"scheme": "S20 L25r5 S20"})
     episodes = episodes_of.Episodes(task, name)
     list(episodes.play(3))
-    decider = find_decider(name, task.options)
+    history, shown = episodes.history, episodes_of.timeline(task, episodes.history)
+    decider = load_decider(name, task.options)
     expected = record_decisions(decider, task.env_id, 1, 3, **task.given)
+
     assert sum(reward for _, reward in episodes.rewards) == pytest.approx(expected.reward.sum())
+    np.testing.assert_array_equal(shown["right"][shown["marks"]], expected.correct[0])
+    lengths = np.diff([*history.switches, len(history.points())])
+    np.testing.assert_array_equal(lengths, expected.length[0])
+    undecided = np.add.reduceat(shown["modes"] == NO_MODE, history.switches)
+    np.testing.assert_array_equal(undecided, expected.ticks[0])
+    error = history.points("estimate_") - history.points()
+    assert (error**2).sum() == pytest.approx(expected.squared_error.sum())

@@ -75,9 +75,9 @@ def estimate(kalman):
     return kalman.x[:4], kalman.P[:4, :4]
 
 
-def literal(seen, options, mean, threshold, margin, window, bank):
+def literal(seen, options, mean, threshold, margin, window):
     """Statements (T,) and log ratios (T, M) of one track, (T, width), by definition."""
-    M = options.hypotheses
+    M, bank = options.hypotheses, "published" if mean else "anchor_aware"
     stated = int(seen[0, 16 : 16 + M].argmax())
     P = np.zeros((4, 4))
     P[TRIANGLE] = seen[0, 6:16]
@@ -116,21 +116,17 @@ def literal(seen, options, mean, threshold, margin, window, bank):
 
 
 @pytest.mark.parametrize(
-    ("given", "bank", "window", "margin", "mean"),
-    [
-        (SHORT, "published", 6, 1.5, True),
-        (SENSED, "anchor_aware", 100, 0.5, False),
-        (MODES, "published", 20, 0.5, False),
-    ],
+    ("given", "window", "margin", "mean"),
+    [(SHORT, 6, 1.5, True), (SENSED, 100, 0.5, False), (MODES, 20, 0.5, True)],
     ids=["one sensor", "sensors", "modes"],
 )
-def test_statements_and_ratios_equal_those_of_a_literal_loop(given, bank, window, margin, mean):
+def test_statements_and_ratios_equal_those_of_a_literal_loop(given, window, margin, mean):
     options = QuickestOptions(**given)
-    decider = RestartDecider(options, 2.5, margin, window, bank, mean)
+    decider = RestartDecider(options, 2.5, margin, window, mean)
     seen, stated, log_ratios = run(decider, **given)
     changes = 0
     for track in range(4):
-        expected, values = literal(seen[:, track], options, mean, 2.5, margin, window, bank)
+        expected, values = literal(seen[:, track], options, mean, 2.5, margin, window)
         np.testing.assert_array_equal(stated[:, track], expected)
         np.testing.assert_allclose(log_ratios[:, track], values, rtol=1e-4, atol=1e-4)
         changes += (np.diff(expected) != 0).sum()

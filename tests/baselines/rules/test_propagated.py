@@ -33,6 +33,6 @@ def test_kept_covariance_equals_the_bank_that_keeps_its_covariance():
         # Smaller ones are clipped in the observation.
         large = expected > 1e-12
         np.testing.assert_allclose(
-            state.filters.posterior[0][large], expected[large], rtol=2e-2, atol=1e-4
+            state[0].posterior[0][large], expected[large], rtol=2e-2, atol=1e-4
         )
         rows, _, start, _, _ = env.step(declare_at_20(rows))

@@ -131,9 +131,8 @@ def whitened_errors(episodes, alpha=0.003, robust=False, **options):
                 modes = now.info["decided_mode"][decided]
                 right = modes == now.info["decided_true_mode"][decided]
                 rows, _ = split_sensed(decider.layout, now.observation)
-                _, mean, covariance = now.state.errors.after(
-                    now.state.filters, rows[decided], decided
-                )
+                filters, errors = now.state
+                _, mean, covariance = errors.after(filters, rows[decided], decided)
                 error = anchor_errors(env, decided, truth[decided]) - mean[:, 0]
                 root = np.linalg.cholesky(covariance[:, 0])
                 whites.append(np.linalg.solve(root, error[..., None])[..., 0][right])
