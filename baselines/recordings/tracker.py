@@ -6,6 +6,7 @@ import copy
 import math
 import operator
 import warnings
+from dataclasses import replace
 from datetime import datetime
 from typing import TYPE_CHECKING, Any, Self
 
@@ -24,6 +25,7 @@ from baselines.recordings.track_state import Snapshot, TrackState
 from baselines.rules.decider import Decider
 from baselines.rules.external import CheckedDecider, as_decider, name_of
 from baselines.rules.fixed_lag import LARGEST_LAG, FixedLagSmoother
+from baselines.rules.hindsight import PROCESS_SHARE
 from hybrid_env.checks import (
     FloatArray,
     Moments,
@@ -93,6 +95,8 @@ class OnlineTracker(OwnState):
             to the origin.
         lag: number of ticks after which a tick is decided again, from the measurements since; see
             `OnlineEstimate.settled`. None does not; only with unknown switches.
+        process_share: share of the process noise that the options have, by which modes are decided,
+            see `smooth_modes`; with a lag estimates are smoothed with the whole.
 
     >>> from baselines import ThresholdDecider
     >>> tracker = OnlineTracker(QuickestOptions(measurement_variance=0.01), ThresholdDecider(0.6))
@@ -123,10 +127,12 @@ class OnlineTracker(OwnState):
         scales: ArrayLike | None = None,
         origin: ArrayLike = (0.0, 0.0, 0.0, 0.0),
         lag: int | None = None,
+        process_share: float = 1.0,
     ):
         self.track = TurnTracks(options)
         self.options = options
         self.lag = None if lag is None else check_integer("lag", lag, 1, LARGEST_LAG)
+        self._process_share = checked("process_share", process_share, Positive)
         if lag is not None and self.track.announced:
             raise reject("lag", lag, "None with announced switches")
         self.decider = as_decider(decider)
@@ -202,6 +208,7 @@ class OnlineTracker(OwnState):
             settings.model.scales,
             settings.origin,
             lag,
+            PROCESS_SHARE,
         )
 
     def begin(
@@ -498,8 +505,12 @@ class OnlineTracker(OwnState):
             row[2:5] = noise / self._noise[0]
             row[5 : 5 + len(point.rates)] = point.rates
         if state.smoother is None:
-            arguments = self.track.options, self.lag, row, start
-            state.smoother = FixedLagSmoother(*arguments)
+            whole = replace(
+                self.track.options,
+                process_variance=self.track.options.process_variance / self._process_share,
+            )
+            arguments = whole, self.lag, row, start
+            state.smoother = FixedLagSmoother(*arguments, self._process_share)
         settled = state.smoother.step(row)
         if settled is not None and not self.units.same:
             moments = settled.estimate, settled.covariance
