@@ -113,10 +113,7 @@ def _announced_panels(task: Any, groups: Groups, bound: float | None) -> list[Pa
     cost = f"Mean reward per segment, delay cost {task.options.delay_cost:g} per tick"
     below = [f"{name} {reward:.3f}" for name, reward in earned.items() if name not in near]
     note = "\n".join(["not shown:", *below]) if below else ""
-    return [
-        Panel(cost, ticks, reward, rewards, note),
-        Panel("Accuracy", ticks, error, errors),
-    ]
+    return [Panel(cost, ticks, reward, rewards, note), Panel("Accuracy", ticks, error, errors)]
 
 
 def _unknown_panels(task: Any, groups: Groups) -> list[Panel]:

@@ -67,9 +67,7 @@ class Panel:
     note: str = ""
 
 
-def curve_figure(
-    panels: Sequence[Panel], height: float, title: str = "", note: str = ""
-) -> Figure:
+def curve_figure(panels: Sequence[Panel], height: float, title: str = "", note: str = "") -> Figure:
     """Draw panels with one axis of x, below each other, height in inches; `title` and `note` stand
     above and below all panels.
     """

@@ -95,7 +95,9 @@ def widen_pictures(app: Any, page: str, template: str, context: Any, doctree: An
         return f'{picture[1]} style="min-width: {0.72 * width:.0f}px"'
 
     if page.startswith("studies/"):
-        context["body"] = re.sub(r'(<img [^>]*src="[^"]*_images/([^"]+)")', widened, context["body"])
+        context["body"] = re.sub(
+            r'(<img [^>]*src="[^"]*_images/([^"]+)")', widened, context["body"]
+        )
 
 
 def outdated(app: Any, env: Any, *pages: Any) -> list[str]:
