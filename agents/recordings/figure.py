@@ -197,5 +197,8 @@ def _draw_residuals(axes: Any, tracked: TrackedRecording) -> None:
         axes.axhline(length, color="black", linestyle=style, linewidth=1.0)
     largest = float(np.quantile(lengths[given], 0.995)) if given.size else 0.0
     axes.set(ylim=(0.0, max(1.2 * far, 1.1 * largest)), ylabel="residual")
-    title = "Residuals in standard deviations; if the model holds,\nhalf are below the dotted line, 99.9 % below the dashed"
-    axes.set_title(title, fontsize=10)
+    lines = (
+        "Residuals in standard deviations; if the model holds,",
+        "half are below the dotted line, 99.9 % below the dashed",
+    )
+    axes.set_title("\n".join(lines), fontsize=10)

@@ -4,8 +4,8 @@
 of the site; on a forge the link stands alone. The README of every study becomes a page.
 `<!-- frame episode.html -->` above a picture becomes a frame that shows this file of the site in
 place of the picture. Links to the README of a study and to the file of an example become links to
-their pages. Wide pictures get a smallest width at which their text can be read. The outputs of the examples show no notices of compilations, which depend on the
-machine. The links from a module's source code to its documentation lead to the anchors that the
+their pages. Wide pictures get a smallest width at which their text can be read. The outputs of the
+examples show no notices of compilations, which depend on the machine. The links from a module's source code to its documentation lead to the anchors that the
 pages of the reference have.
 """
 
@@ -87,7 +87,6 @@ def widen_pictures(app: Any, page: str, template: str, context: Any, doctree: An
     """Give pictures of a study a smallest width, at which text of 10 pt has 9 pixels or more; a
     handler of Sphinx's event `html-page-context`.
     """
-
     files = {shown: path for path, (_, shown) in app.env.images.items()}
 
     def widened(picture: re.Match[str]) -> str:
