@@ -5,8 +5,8 @@ of the site; on a forge the link stands alone. The README of every study becomes
 `<!-- frame episode.html -->` above a picture becomes a frame that shows this file of the site in
 place of the picture. Links to the README of a study and to the file of an example become links to
 their pages. Wide pictures get a smallest width at which their text can be read. The outputs of the
-examples show no notices of compilations, which depend on the machine. The links from a module's source code to its documentation lead to the anchors that the
-pages of the reference have.
+examples show no notices of compilations, which depend on the machine. The links from a module's
+source code to its documentation lead to the anchors that the pages of the reference have.
 """
 
 import re
