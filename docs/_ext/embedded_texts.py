@@ -84,19 +84,19 @@ def mend_back_links(app: Any, page: str, template: str, context: Any, doctree: A
 
 
 def widen_pictures(app: Any, page: str, template: str, context: Any, doctree: Any) -> None:
-    """Give pictures of a study a smallest width, at which text of 10 pt has 9 pixels or more; a
-    handler of Sphinx's event `html-page-context`.
+    """Give pictures that are wider than a column a smallest width, at which text of 10 pt has 9
+    pixels or more; a handler of Sphinx's event `html-page-context`.
     """
     files = {shown: path for path, (_, shown) in app.env.images.items()}
 
     def widened(picture: re.Match[str]) -> str:
         width, _ = imagesize.get(Path(app.srcdir, files[picture[2]]))
-        return f'{picture[1]} style="min-width: {0.72 * width:.0f}px"'
+        style = f' style="min-width: {0.72 * width:.0f}px"' if width > 620 else ""
+        return picture[1] + style
 
-    if page.startswith("studies/"):
-        context["body"] = re.sub(
-            r'(<img [^>]*src="[^"]*_images/([^"]+)")', widened, context["body"]
-        )
+    if "body" in context and not page.startswith("gallery/"):
+        pictures = r'(<img [^>]*src="[^"]*_images/([^"]+)")'
+        context["body"] = re.sub(pictures, widened, context["body"])
 
 
 def outdated(app: Any, env: Any, *pages: Any) -> list[str]:

@@ -173,12 +173,9 @@ class EpisodeFigure:
         modes = np.nan_to_num(history.column("active_mode"), nan=-1.0).astype(int)
         self._estimate.set_segments(list(np.stack([estimate[:-1], estimate[1:]], axis=1)))
         self._estimate.set_color(self._colours[modes[:-1]])
-        # Curves join the moments of the decisions, but end with the last one of a segment.
-        drawn = ~np.isnan(evidence[:, 0])
-        drawn[switches[1:] - 1] = True
-        time = 1 + np.flatnonzero(drawn)
+        drawn = history.drawn
         for mode, curve in self._curves.items():
-            curve.set_data(time, evidence[drawn, mode])
+            curve.set_data(drawn + 1, evidence[drawn, mode])
         if self.panel.ribbons:
             self._ribbons.set_data(self._colours[[history.true_modes, modes]])
             self._ribbons.set_extent((0.5, len(modes) + 0.5, -0.33, -0.05))
