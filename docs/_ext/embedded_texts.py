@@ -94,7 +94,7 @@ def widen_pictures(app: Any, page: str, template: str, context: Any, doctree: An
         style = f' style="min-width: {0.72 * width:.0f}px"' if width > 620 else ""
         return picture[1] + style
 
-    if "body" in context and not page.startswith("gallery/"):
+    if "body" in context and not page.startswith(("gallery/", "notebooks/")):
         pictures = r'(<img [^>]*src="[^"]*_images/([^"]+)")'
         context["body"] = re.sub(pictures, widened, context["body"])
 
