@@ -1,5 +1,7 @@
 from baselines.estimation.forecast import forecast as forecast
 from baselines.estimation.mixture import mixture as mixture
+from baselines.estimation.stone_soup import IMMPredictor as IMMPredictor
+from baselines.estimation.stone_soup import IMMUpdater as IMMUpdater
 from baselines.estimation.turns import TurnEstimate as TurnEstimate
 from baselines.recordings.online_estimate import OnlineEstimate as OnlineEstimate
 from baselines.recordings.reading.igc import IgcLog as IgcLog

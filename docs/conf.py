@@ -5,8 +5,11 @@ import io
 import os
 import sys
 import warnings
+from importlib.metadata import metadata
 from importlib.metadata import version as installed_version
 from pathlib import Path
+
+from markupsafe import Markup
 
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE.parent), str(HERE / "_ext")]
@@ -54,6 +57,8 @@ napoleon_use_ivar = True
 templates_path = ["_templates"]
 html_theme = "furo"
 html_title = f"HybridTrack {release}"
+urls = dict(url.split(", ", 1) for url in metadata("hybrid-track").get_all("Project-URL") or [])
+html_baseurl = urls.get("Documentation", "")
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_show_sphinx = False
@@ -80,6 +85,16 @@ warnings.filterwarnings("ignore", message=".*non-interactive.*")
 def setup(app):
     """Add the page of an episode, which runs after the other pages are built."""
     app.connect("build-finished", write_episode)
+    app.connect("html-page-context", add_preview)
+
+
+def add_preview(app, page, template, context, doctree):
+    """Add what is shown of a link to a page (Open Graph)."""
+    title = Markup(context.get("title", "")).striptags()
+    tags = {"title": title, "type": "website", "site_name": project}
+    tags["image"] = f"{html_baseurl}_images/track.png"
+    shown = (f'<meta property="og:{name}" content="{text}">' for name, text in tags.items())
+    context["metatags"] = context.get("metatags", "") + "".join(shown)
 
 
 def write_episode(app, error):

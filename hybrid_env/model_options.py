@@ -118,7 +118,7 @@ class ModelOptions(Checked):
             pushed = (np.maximum(np.abs(motions["B"]), deviations) * scales).max()
             pushed = max(pushed, np.abs(motions["acceleration"]).max() * scales[-1])
             F = motions["F"] * scales[:, None] / scales
-            last = self.longest_episode
+            last = self.most_ticks
             for ticks in [*(2**k for k in range(last.bit_length())), last]:
                 # A constant acceleration reaches ticks^2 / 2.
                 most = max(1e9, float(ticks) ** 2)
@@ -145,6 +145,11 @@ class ModelOptions(Checked):
     @property
     def action_count(self) -> int:
         """Number of actions."""
+        raise NotImplementedError
+
+    @property
+    def most_ticks(self) -> int:
+        """Length of the longest possible episode [ticks]."""
         raise NotImplementedError
 
     @property

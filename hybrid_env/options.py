@@ -159,6 +159,11 @@ class WorldOptions(ModelOptions):
         return min(self._lengths(longest=False))
 
     @property
+    def most_ticks(self) -> int:
+        """Length of the longest possible episode [ticks]."""
+        return sum(self._lengths())
+
+    @property
     def longest_episode(self) -> int:
         """Largest number of steps of an episode: its decisions if every action waits."""
         return sum(-(-length // self.decide_every) for length in self._lengths())

@@ -132,6 +132,11 @@ class QuickestOptions(ModelOptions):
         return self.ticks
 
     @property
+    def most_ticks(self) -> int:
+        """Length of an episode [ticks]."""
+        return self.ticks
+
+    @property
     def longest_episode(self) -> int:
         """Number of steps of an episode."""
         return -(-self.ticks // self.decide_every)

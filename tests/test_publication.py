@@ -4,7 +4,10 @@ import json
 import re
 from pathlib import Path
 
+import yaml
+
 from agents.evaluation.registry import SHIPPED
+from agents.learned.policy_file import hub_card
 
 ROOT = Path(__file__).parents[1]
 PUBLISHED, PAPER, CARDS = (
@@ -31,3 +34,15 @@ def test_the_page_of_the_agents_has_the_card_of_every_set_of_weights():
         told = f"| `{card['recipe']['name']}` | {card['steps']:,} | [policy.json](../{path}) |"
         assert told in CARDS
         assert (ROOT / path).with_suffix(".safetensors").stat().st_size < 90_000
+
+
+def test_shipped_policies_have_the_page_and_the_metadata_of_a_hub():
+    for path in SHIPPED.glob("*/*/policy.json"):
+        card = json.loads(path.read_text(encoding="utf-8"))
+        page = path.with_name("README.md").read_text(encoding="utf-8")
+        metadata = yaml.safe_load(page.split("---\n")[1])
+        [result] = metadata["model-index"][0]["results"]
+
+        assert page == hub_card(path.parent.name, card)
+        assert result["dataset"]["name"] in card["environment"]
+        assert result["metrics"][0]["value"] == card["measured"]["evaluation/reward"]

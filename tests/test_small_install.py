@@ -39,6 +39,7 @@ COMMAND_LINES = {
     "html": ("play fixed:1 --out episode.html", "track flight.csv --html --out page"),
     "recurrent": ("train --recipe recurrent-ppo --steps 1 --out recurrent",),
     "cluster": ("compare ate --episodes 20 --engine ray --out clustered",),
+    "stonesoup": (),
 }
 # What each needs beside the base install only.
 PROGRAMS = {
@@ -54,6 +55,7 @@ env = gymnasium.make("hybrid_env:HybridTrack-v0", render_mode="rgb_array")
 env.reset(seed=0)
 assert env.render().std() > 1.0
 """,
+    "stonesoup": "from baselines import IMMPredictor, IMMUpdater",
 }
 
 pytestmark = pytest.mark.study

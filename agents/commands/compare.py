@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from rich.console import Console
 
@@ -11,9 +11,6 @@ from agents.comparison.plan import Plan
 from agents.interface.output_files import output_folder, write_files
 from agents.interface.progress import print_lines, progress_display
 from agents.interface.world_arguments import WorldArguments
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(kw_only=True)

@@ -215,7 +215,7 @@ def score_figure(result: TimelineScores) -> "Figure":
 
     # In the picture.
     tracks = min(result.tracks, 4)
-    canvas = new_canvas((10.0, 0.8 + tracks * (0.6 + 0.3 * (1 + len(result.timelines)))))
+    canvas = new_canvas(0.8 + tracks * (0.6 + 0.3 * (1 + len(result.timelines))), 10.0)
     grid = canvas.subplots(tracks, 1, squeeze=False)[:, 0]
     colours = [to_hex(colormaps["tab10"](k % 10)) for k in range(len(result.modes))]
     for number, axes in enumerate(grid):

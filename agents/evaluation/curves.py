@@ -113,10 +113,7 @@ def _announced_panels(task: Any, groups: Groups, bound: float | None) -> list[Pa
     cost = f"Mean reward per segment, delay cost {task.options.delay_cost:g} per tick"
     below = [f"{name} {reward:.3f}" for name, reward in earned.items() if name not in near]
     note = "\n".join(["not shown:", *below]) if below else ""
-    return [
-        Panel(cost, ticks, reward, rewards, labelled=True, note=note),
-        Panel("Accuracy", ticks, error, errors, labelled=True),
-    ]
+    return [Panel(cost, ticks, reward, rewards, note), Panel("Accuracy", ticks, error, errors)]
 
 
 def _unknown_panels(task: Any, groups: Groups) -> list[Panel]:
@@ -174,6 +171,4 @@ def comparison_figure(task: Task, groups: Groups, bound: float | None = None) ->
     if not task.waits:
         title += f", segments of {options.law} ticks"
         note += " A switch that is not detected counts until the end of its segment."
-    if task.waits:
-        return curve_figure([[part] for part in parts], (6.8, 7.6), title, note, sharex=True)
-    return curve_figure([parts], (13.0, 5.2), title, note)
+    return curve_figure(parts, 7.6, title, note)

@@ -103,7 +103,8 @@ def timeline(task: Task, history: History) -> dict[str, Any]:
 
 def page_data(task: Task, history: History, rewards: FloatArray) -> dict[str, Any]:
     """Return what the page of an episode shows of a decider, as lists: modes, outcomes, delays so
-    far, rewards so far, estimates and posteriors of every tick, and the ticks of the decisions.
+    far, rewards so far, estimates and posteriors of every tick, those that are drawn, and the
+    ticks of the decisions.
     """
     decisions = timeline(task, history)
     modes, marks, decided = decisions["modes"], decisions["marks"], decisions["right"]
@@ -122,6 +123,7 @@ def page_data(task: Task, history: History, rewards: FloatArray) -> dict[str, An
         "rewards": np.cumsum(rewards),
         "estimates": history.points("estimate_").T,
         "posteriors": evidence.round(4),
+        "drawn": history.drawn,
         "marks": marks,
     }
     return {name: finite(array) for name, array in arrays.items()}

@@ -8,14 +8,17 @@ if TYPE_CHECKING:
 GREY = "#9a9a9a"
 """Of measurements."""
 
+WIDTH = 5.2
+"""Of a figure [in]: with text of 10 pt it can be read on a narrow screen."""
 
-def new_canvas(size: tuple[float, float]) -> "Figure":
-    """Return an empty figure of width and height [in]."""
+
+def new_canvas(height: float, width: float = WIDTH) -> "Figure":
+    """Return an empty figure of a height and a width [in]."""
     # Commands that draw nothing start faster without it.
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    canvas = Figure(figsize=size, layout="constrained", dpi=110)
+    canvas = Figure(figsize=(width, height), layout="constrained", dpi=110)
     FigureCanvasAgg(canvas)
     return canvas
 

@@ -1,9 +1,9 @@
-"""Panels of curves, one curve per decider, named at its end or in a legend for all panels."""
+"""Panels of curves, one below the other; every curve is named at its end."""
 
 import re
+import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from hybrid_env.checks import FloatArray
 class Curve:
     """One curve."""
 
-    # In the legend; one of its style, if it is in several panels.
+    # At its end.
     name: str
     # Colour and marker, see `decider_styles`.
     style: tuple[str, str]
@@ -62,41 +62,23 @@ class Panel:
     y: Axis
     # In drawing order.
     curves: Sequence[Curve]
-    # Whether names stand at the ends of the curves, and not in the legend.
-    labelled: bool = False
     # Text at the upper end.
     note: str = ""
 
 
-def curve_figure(
-    rows: Sequence[Sequence[Panel]],
-    size: tuple[float, float],
-    title: str = "",
-    note: str = "",
-    **sharing: Any,
-) -> Figure:
-    """Draw rows of panels with curves, width and height in inches.
-
-    `title` and `note` stand above and below all panels; `sharing` has `sharex` and `sharey` of
-    `Figure.subplots`.
+def curve_figure(panels: Sequence[Panel], height: float, title: str = "", note: str = "") -> Figure:
+    """Draw panels with one axis of x, below each other, height in inches; `title` and `note` stand
+    above and below all panels.
     """
-    canvas = new_canvas(size)
-    grid = canvas.subplots(len(rows), len(rows[0]), squeeze=False, **sharing)
-    named: dict[str, Any] = {}
-    for axes, panel in zip(grid.flat, chain(*rows), strict=True):
+    canvas = new_canvas(height)
+    grid = canvas.subplots(len(panels), squeeze=False, sharex=True)
+    for axes, panel in zip(grid.flat, panels, strict=True):
         _draw_panel(axes, panel)
-        axes.set_title(panel.title, fontsize=11)
-        if sharing:
-            axes.label_outer()
-        if panel.labelled:
-            _label_curves(axes)
-            continue
-        lines, names = axes.get_legend_handles_labels()
-        named |= dict(zip(names, lines, strict=True))
-    if named:
-        canvas.legend(named.values(), named, loc="outside right upper", frameon=False)
-    canvas.suptitle(title)
-    canvas.supxlabel(note, fontsize=9, color="0.3")
+        axes.set_title(panel.title, fontsize=10)
+        axes.label_outer()
+        _label_curves(axes)
+    canvas.suptitle(textwrap.fill(title, 60), fontsize=11)
+    canvas.supxlabel(textwrap.fill(note, 66), fontsize=10, color="0.3")
     return canvas
 
 
@@ -151,10 +133,11 @@ def _draw_panel(axes: Any, panel: Panel) -> None:
                 above = level == max(axis.levels)
                 axes.annotate(
                     words,
-                    (0.01, level),
+                    (0.99, level),
                     (0, 2 if above else -2),
                     xycoords=axes.get_yaxis_transform(),
                     textcoords="offset points",
+                    ha="right",
                     va="bottom" if above else "top",
                     color="0.3",
                 )

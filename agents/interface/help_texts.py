@@ -2,6 +2,8 @@
 
 import dataclasses
 import functools
+import shutil
+import textwrap
 import typing
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
@@ -29,12 +31,17 @@ def parse_flags(kind: Any, program: str, arguments: Sequence[str]) -> Any:
     """
     asks_usual = not {"-h", "--help"}.isdisjoint(arguments)
     asks_environment = ENV_HELP in arguments and ENVIRONMENT in _groups(kind)
+    # tyro does not wrap them, and joins lines that do not begin with a space.
+    wrapped = textwrap.TextWrapper(
+        shutil.get_terminal_size().columns, initial_indent=" ", subsequent_indent=" "
+    )
+    lines = description(kind.__doc__).split("\n\n")
     values = vars(
         tyro.cli(
             grouped(kind, asks_usual, asks_environment),
             prog=program,
             args=["--help"] if asks_environment else arguments,
-            description=description(kind.__doc__),
+            description="\n".join(map(wrapped.fill, lines)),
             # A flag is left out, not given as "None".
             config=(tyro.conf.DisallowNone,),
         )

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
+import yaml
 from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import Tensor
@@ -48,6 +49,30 @@ def save_policy(
     with atomic_file(folder / WEIGHTS) as part:
         save_file({name: tensor.contiguous() for name, tensor in weights.items()}, part)
     write_json(folder / CARD, {**card, "observation_scales": _scales(task)})
+    with atomic_file(folder / "README.md") as part:
+        part.write_text(hub_card(folder.name, card), encoding="utf-8")
+
+
+def hub_card(name: str, card: Mapping[str, Any]) -> str:
+    """Return the page of a policy on a hub, with the metadata of Hugging Face's model cards."""
+    env_id = card["environment"].rpartition(":")[2]
+    kind = "reinforcement-learning"
+    result = {
+        "task": {"type": kind, "name": kind},
+        "dataset": {"type": env_id, "name": env_id},
+        "metrics": [{"type": "mean_reward", "value": card["measured"].get("evaluation/reward")}],
+    }
+    metadata = {
+        "library_name": "hybrid-track",
+        "tags": [kind, env_id],
+        "model-index": [{"name": name, "results": [result]}],
+    }
+    return (
+        f"---\n{yaml.safe_dump(metadata, sort_keys=False)}---\n# {name}\n\n"
+        f"A policy of HybridTrack for `{env_id}`, after {card['steps']:,} steps. `{CARD}` has its"
+        " recipe, settings, seed, versions and scores.\n\n"
+        "    hybridtrack evaluate FOLDER\n"
+    )
 
 
 def _scales(task: str) -> dict[str, float] | None:

@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Ellipse
 from matplotlib.transforms import blended_transform_factory
 
-from agents.figures.canvas import GREY, new_canvas
+from agents.figures.canvas import GREY, WIDTH, new_canvas
 from agents.recordings.tracked_recording import TrackedRecording
 from baselines.estimation.forecast import forecast
 from hybrid_env.checks import FloatArray, IntArray, Moments
@@ -28,8 +28,8 @@ def draw_recording(tracked: TrackedRecording) -> Figure:
     width, height = np.maximum(np.ptp(points, axis=0), 1e-300)
     # [in]
     strips = 2 if tracked.vertical is None else 3
-    heights = (7.0 * float(np.clip(height / width, 0.35, 0.8)), *[1.2] * strips)
-    figure = new_canvas((7.0, sum(heights) + 1.0 + 0.6 * strips))
+    heights = (WIDTH * float(np.clip(height / width, 0.35, 0.8)), *[1.1] * strips)
+    figure = new_canvas(sum(heights) + 1.2 + 0.7 * strips)
     ground, ribbon, residuals, *climbs = figure.subplots(1 + strips, 1, height_ratios=heights)
     residuals.sharex(ribbon)
     _draw_ground(ground, tracked)
@@ -48,7 +48,7 @@ def draw_recording(tracked: TrackedRecording) -> Figure:
         for colour, name in zip(mode_colours(tracked), mode_words(tracked), strict=True)
     ]
     marks = ground.get_legend_handles_labels()[0]
-    figure.legend(handles=[*modes, *marks], loc="outside lower center", ncols=3, frameon=False)
+    figure.legend(handles=[*modes, *marks], loc="outside lower center", ncols=2, frameon=False)
     return figure
 
 
@@ -182,7 +182,7 @@ def _draw_probabilities(axes: Any, tracked: TrackedRecording) -> None:
     axes.broken_barh(bands, (1.0, 0.04), facecolors="black", transform=above, clip_on=False)
     axes.set(ylim=(0.0, 1.0), ylabel="probability")
     title = "Decided modes (bar) and their probabilities"
-    title = title if tracked.live else f"{title}; 95 % of each begin (black)"
+    title = title if tracked.live else f"{title};\n95 % interval of each begin (black)"
     axes.set_title(title, pad=20.0, fontsize=10)
 
 
@@ -197,5 +197,8 @@ def _draw_residuals(axes: Any, tracked: TrackedRecording) -> None:
         axes.axhline(length, color="black", linestyle=style, linewidth=1.0)
     largest = float(np.quantile(lengths[given], 0.995)) if given.size else 0.0
     axes.set(ylim=(0.0, max(1.2 * far, 1.1 * largest)), ylabel="residual")
-    title = "Residuals in standard deviations (dotted: median, dashed: 99.9 % if the model holds)"
-    axes.set_title(title, fontsize=10)
+    lines = (
+        "Residuals in standard deviations; if the model holds,",
+        "half are below the dotted line, 99.9 % below the dashed",
+    )
+    axes.set_title("\n".join(lines), fontsize=10)

@@ -128,4 +128,4 @@ def draw_learning_curve(folder: Path, path: Path, curve: LearningCurve) -> None:
         rewards = [row["evaluation/reward"] for row in points]
         curves.append(Curve(folder.name, styles[folder.name], steps, rewards))
     axes = Axis("environment steps, millions"), Axis(f"mean reward per {curve.unit}")
-    save_figure(curve_figure([[Panel("", *axes, curves)]], (7.0, 4.0)), path)
+    save_figure(curve_figure([Panel("", *axes, curves)], 3.6), path)

@@ -4,14 +4,16 @@
 of the site; on a forge the link stands alone. The README of every study becomes a page.
 `<!-- frame episode.html -->` above a picture becomes a frame that shows this file of the site in
 place of the picture. Links to the README of a study and to the file of an example become links to
-their pages. The outputs of the examples show no notices of compilations, which depend on the
-machine. The links from a module's source code to its documentation lead to the anchors that the
-pages of the reference have.
+their pages. Wide pictures get a smallest width at which their text can be read. The outputs of the
+examples show no notices of compilations, which depend on the machine. The links from a module's
+source code to its documentation lead to the anchors that the pages of the reference have.
 """
 
 import re
 from pathlib import Path
 from typing import Any
+
+import imagesize
 
 ROOT = Path(__file__).parents[2]
 MARK = re.compile(r"^<!-- file -->\n\[.*\]\((\S+)\)$", re.MULTILINE)
@@ -81,6 +83,22 @@ def mend_back_links(app: Any, page: str, template: str, context: Any, doctree: A
         context["body"] = BACK.sub(r"\1\2\4", context["body"])
 
 
+def widen_pictures(app: Any, page: str, template: str, context: Any, doctree: Any) -> None:
+    """Give pictures that are wider than a column a smallest width, at which text of 10 pt has 9
+    pixels or more; a handler of Sphinx's event `html-page-context`.
+    """
+    files = {shown: path for path, (_, shown) in app.env.images.items()}
+
+    def widened(picture: re.Match[str]) -> str:
+        width, _ = imagesize.get(Path(app.srcdir, files[picture[2]]))
+        style = f' style="min-width: {0.72 * width:.0f}px"' if width > 620 else ""
+        return picture[1] + style
+
+    if "body" in context and not page.startswith(("gallery/", "notebooks/")):
+        pictures = r'(<img [^>]*src="[^"]*_images/([^"]+)")'
+        context["body"] = re.sub(pictures, widened, context["body"])
+
+
 def outdated(app: Any, env: Any, *pages: Any) -> list[str]:
     """Pages with marks, which are always read again; a handler of Sphinx's event
     `env-get-outdated`.
@@ -97,4 +115,5 @@ def setup(app: Any) -> dict[str, bool]:
     app.connect("include-read", embed_study)
     app.connect("env-get-outdated", outdated)
     app.connect("html-page-context", mend_back_links)
+    app.connect("html-page-context", widen_pictures)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -5,41 +5,36 @@ Two crossing targets in Stone Soup
 Two targets cross, and nobody says which detection is whose; some are missing, and some are clutter. `Stone Soup
 <https://stonesoup.readthedocs.io>`_ associates them, with the interacting multiple model filter of HybridTrack as its
 predictor and updater. Each of its tracks then goes through a live tracker, whose decider states mode and switches.
-``pip install stonesoup``
+``pip install "hybrid-track[stonesoup]"``
 """
 
 # %%
 # The scans: at each tick a set of detections without labels. Halfway the
 # targets pass each other at 2 cm, a fifth of the standard deviation of a detection.
 
-import copy
 import datetime
 
 import matplotlib.pyplot as plt
 import numpy as np
-from stonesoup.base import Property
 from stonesoup.dataassociator.neighbour import GNNWith2DAssignment
 from stonesoup.deleter.time import UpdateTimeStepsDeleter
 from stonesoup.hypothesiser.distance import DistanceHypothesiser
 from stonesoup.initiator.simple import MultiMeasurementInitiator
 from stonesoup.measures import Mahalanobis
 from stonesoup.models.measurement.linear import LinearGaussian
-from stonesoup.predictor import Predictor
+from stonesoup.models.transition.linear import (
+    CombinedLinearGaussianTransitionModel,
+    ConstantVelocity,
+)
 from stonesoup.tracker.simple import MultiTargetTracker
 from stonesoup.types.detection import Detection
-from stonesoup.types.mixture import GaussianMixture
-from stonesoup.types.prediction import GaussianMeasurementPrediction, Prediction
-from stonesoup.types.state import GaussianState, WeightedGaussianState
-from stonesoup.types.update import GaussianMixtureUpdate, Update
-from stonesoup.updater import Updater
+from stonesoup.types.state import GaussianState
+from stonesoup.types.update import Update
 
-from baselines import OnlineTracker, ThresholdDecider
+from baselines import IMMPredictor, IMMUpdater, OnlineTracker, ThresholdDecider
 from hybrid_env import QuickestOptions
 from hybrid_env.rendering.evidence import mode_colour, mode_name
 from hybrid_env.simulation import simulate
-from studies.filters.imm import IMMFilter
-from studies.filters.kalman import KalmanFilter
-from studies.filters.motion_models import MotionModel
 
 tau, variance, radii = 0.1, 0.01, (5.0,)
 down = simulate(
@@ -60,85 +55,15 @@ for k in range(ticks):
     scans.append((time, {Detection(point[:, None], timestamp=time) for point in points}))
 
 # %%
-# The filter as predictor and updater of Stone Soup. The state of a track is a Gaussian mixture: a component for each model
-# of the filter, weighted by its probability. A state that is no mixture, as that of an initiator, begins all models.
-
-
-def filter_of(imm, state):
-    """A copy of the filter that continues from a state."""
-    found = copy.deepcopy(imm)
-    if isinstance(state, GaussianMixture):
-        weights = state.weights.astype(float)
-        means, covariances = np.asarray(state.means, float), np.asarray(state.covars, float)
-        found.begin_from(
-            means.T[None], np.moveaxis(covariances, -1, 0)[None], weights[None] / weights.sum()
-        )
-    else:
-        found.begin_from(np.asarray(state.mean, float).T, np.asarray(state.covar, float))
-    return found
-
-
-def components(imm, timestamp):
-    """The models of a filter as the components of a mixture."""
-    states, covariances = imm.estimates
-    return [
-        WeightedGaussianState(state[:, None], covariance, timestamp=timestamp, weight=float(weight))
-        for state, covariance, weight in zip(
-            states[0], covariances[0], imm.probabilities[0], strict=True
-        )
-    ]
-
-
-class MixturePrediction(Prediction, GaussianMixture):
-    """A predicted mixture."""
-
-
-class IMMPredictor(Predictor):
-    """The prediction of an IMM filter."""
-
-    imm: IMMFilter = Property(doc="Filter; its models, not its estimates, are used")
-    transition_model: object = Property(default=None, doc="Not used: the filter has its own")
-
-    def predict(self, prior, timestamp=None, **kwargs):
-        imm = filter_of(self.imm, getattr(prior, "state", prior))
-        if timestamp is not None and prior.timestamp is not None:
-            imm.predict((timestamp - prior.timestamp).total_seconds())
-        return MixturePrediction(components=components(imm, timestamp or prior.timestamp))
-
-
-class IMMUpdater(Updater):
-    """The correction of an IMM filter by measured positions."""
-
-    imm: IMMFilter = Property(doc="Filter; its models, not its estimates, are used")
-    measurement_model: LinearGaussian = Property(doc="Positions and their covariance")
-
-    def predict_measurement(self, predicted_state, measurement_model=None, **kwargs):
-        cross = predicted_state.covar[:, :: self.imm.order]
-        return GaussianMeasurementPrediction(
-            predicted_state.mean[:: self.imm.order],
-            cross[:: self.imm.order] + self.measurement_model.covar(),
-            timestamp=predicted_state.timestamp,
-            cross_covar=cross,
-        )
-
-    def update(self, hypothesis, **kwargs):
-        hypothesis.measurement_prediction = self.predict_measurement(hypothesis.prediction)
-        imm = filter_of(self.imm, hypothesis.prediction)
-        imm.update(np.asarray(hypothesis.measurement.state_vector, float).T)
-        found = components(imm, hypothesis.measurement.timestamp)
-        return GaussianMixtureUpdate(hypothesis=hypothesis, components=found)
-
-
-# %%
 # Stone Soup's own hypothesiser, associator, initiator and deleter around our predictor and updater. The filter has a
 # model for steady motion and one for turns.
 
 sensor = LinearGaussian(4, (0, 2), variance * np.eye(2))
-imm = IMMFilter(
-    [KalmanFilter(MotionModel("CV", 2, noise), variance, (3.0,)) for noise in (0.01, 3.0)],
-    sojourns=5.0,
-)
-predictor, updater = IMMPredictor(imm=imm), IMMUpdater(imm=imm, measurement_model=sensor)
+models = [
+    CombinedLinearGaussianTransitionModel([ConstantVelocity(noise), ConstantVelocity(noise)])
+    for noise in (0.01, 3.0)
+]
+predictor, updater = IMMPredictor(models, [[0.98, 0.02], [0.02, 0.98]]), IMMUpdater(sensor)
 associator = GNNWith2DAssignment(
     DistanceHypothesiser(predictor, updater, Mahalanobis(), missed_distance=4)
 )

@@ -7,7 +7,7 @@ from importlib.util import find_spec
 
 # `check_env` of Gymnasium draws a frame in each of them.
 RENDER_MODES = ["rgb_array"] if find_spec("matplotlib") else []
-# Width, height [px].
-FRAME_SIZE = (900, 450)
+# Width, height [px]: text of 9 pt can be read on a narrow screen.
+FRAME_SIZE = (450, 620)
 # Frames per second.
 RENDER_FPS = 10

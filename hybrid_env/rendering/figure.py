@@ -1,4 +1,4 @@
-"""Frames of an episode: the track in the plane on the left, the evidence over time on the right.
+"""Frames of an episode: the track in the plane, and below it the evidence over time.
 Each frame sets new data on the artists that change; all others are in a background image. A
 decision has the same marker in both panels: a circle if correct, a cross if wrong.
 """
@@ -37,14 +37,15 @@ class EpisodeFigure:
         self._half = 0.0
         # Changed with every frame; the first one is drawn first.
         self._changing: list[Any] = []
-        self._track = self._add_axes(0.07, "x [m]", "y [m]")
+        self._track = self._add_axes(0.58, 0.36, "x [m]", "y [m]")
         self._truth = self._line(self._track, "true path", color="#b4b4b4", linewidth=4)
         self._measured = self._points(self._track, "measurement", ".", 2.5, "#8a8a8a")
         self._estimate = LineCollection([], linewidths=1.6)
         self._track.add_collection(self._estimate, autolim=False)
         self._changing.append(self._estimate)
         self._switches = self._points(self._track, "switch", "D", 5)
-        self._evidence = self._add_axes(0.57, "time [ticks]", panel.label)
+        self._evidence = self._add_axes(0.23, 0.24, "time [ticks]")
+        self._evidence.set_title(panel.label, fontsize=9)
         self._add_panel()
         # Marks on each axes, by whether the decision is correct.
         self._decisions = [
@@ -55,16 +56,16 @@ class EpisodeFigure:
             for axes in (self._track, self._evidence)
         ]
         self._current = self._points(self._track, "current position", "*", 12, "#f0e442")
-        self._title = self.figure.text(0.5, 0.955, "", ha="center", va="center", fontsize=10)
+        self._title = self.figure.text(0.5, 0.97, "", ha="center", va="center", fontsize=10)
         self._changing.append(self._title)
         for artist in self._changing:
             # Excluded from the background.
             artist.set_animated(True)
         self._add_legends()
 
-    def _add_axes(self, left: float, xlabel: str, ylabel: str) -> Any:
-        axes = self.figure.add_axes((left, 0.27, 0.39, 0.64))
-        axes.tick_params(labelsize=8)
+    def _add_axes(self, bottom: float, height: float, xlabel: str, ylabel: str = "") -> Any:
+        axes = self.figure.add_axes((0.15, bottom, 0.81, height))
+        axes.tick_params(labelsize=9)
         axes.set_xlabel(xlabel, fontsize=9)
         axes.set_ylabel(ylabel, fontsize=9)
         return axes
@@ -95,6 +96,7 @@ class EpisodeFigure:
         if panel.scale == "logit":
             axes.set_yscale("logit", nonpositive="clip", one_half="0.5")
             axes.minorticks_off()
+            axes.yaxis.set_major_formatter("{x:.7g}")
         for name, level in panel.thresholds.items():
             axes.axhline(level, linestyle="--", color="#555555", linewidth=1)
             axes.text(1.01, level, name, transform=axes.get_yaxis_transform(), va="center")
@@ -107,7 +109,7 @@ class EpisodeFigure:
             self._ribbons = axes.imshow(np.ones((2, 1, 3)), aspect="auto", interpolation="none")
             self._changing.append(self._ribbons)
             axes.set_yticks([-0.12, -0.26, 0.0, 0.5, 1.0], ["true", "stated", "0", "0.5", "1"])
-        axes.set(xlim=(0, self.options.longest_episode), ylim=panel.limits)
+        axes.set(xlim=(0, self.options.most_ticks), ylim=panel.limits)
 
     def _add_legends(self) -> None:
         """Add what is drawn, and below it the colours of the modes, by type if there are too
@@ -120,16 +122,16 @@ class EpisodeFigure:
         named = [self._truth, self._measured, self._switches, self._current]
         if not self.panel.ribbons:
             named += self._decisions[0].values()
-        for height, artists in ((0.14, named), (0.1, handles)):
+        for height, artists in ((0.165, named), (0.085, handles)):
             longest = max(len(str(artist.get_label())) for artist in artists)
             self.figure.legend(
                 handles=artists,
                 # As many in a row as their names leave room for.
-                ncols=max(1, min(len(artists), 180 // (longest + 7))),
+                ncols=max(1, min(len(artists), 80 // (longest + 7))),
                 loc="upper center",
                 bbox_to_anchor=(0.5, height),
                 frameon=False,
-                fontsize=8,
+                fontsize=9,
                 handlelength=1.6,
                 columnspacing=1.3,
             )
@@ -171,9 +173,9 @@ class EpisodeFigure:
         modes = np.nan_to_num(history.column("active_mode"), nan=-1.0).astype(int)
         self._estimate.set_segments(list(np.stack([estimate[:-1], estimate[1:]], axis=1)))
         self._estimate.set_color(self._colours[modes[:-1]])
-        time = np.arange(1, len(evidence) + 1)
+        drawn = history.drawn
         for mode, curve in self._curves.items():
-            curve.set_data(time, evidence[:, mode])
+            curve.set_data(drawn + 1, evidence[drawn, mode])
         if self.panel.ribbons:
             self._ribbons.set_data(self._colours[[history.true_modes, modes]])
             self._ribbons.set_extent((0.5, len(modes) + 0.5, -0.33, -0.05))
@@ -191,6 +193,6 @@ class EpisodeFigure:
             mode_name(int(mode), self.options.all_modes) if mode >= 0 else "-"
             for mode in (history.true_modes[-1], modes[-1 if history.finished else -2 :][0])
         )
+        word = "stated" if self.panel.ribbons else "decided"
         place = f"segment {history.segment + 1}, tick {history.tick}"
-        word = "stated" if self.panel.ribbons else "last decided"
-        self._title.set_text(f"{place}  |  true mode {true}  |  {word} mode {stated}")
+        self._title.set_text(f"{place}: true {true}, {word} {stated}")

@@ -122,6 +122,15 @@ class History:
         return self.trace[:, len(TRACE_COLUMNS) :]
 
     @property
+    def drawn(self) -> IntArray:
+        """Rows that a curve of the evidence goes through: it joins the moments of the decisions of
+        a segment, and ends with the last one.
+        """
+        known = ~np.isnan(self.evidence[:, 0])
+        known[self.switches[1:] - 1] = True
+        return np.flatnonzero(known)
+
+    @property
     def switches(self) -> IntArray:
         """(number of segments so far,) index of the first row of each segment."""
         return np.flatnonzero(np.diff(self.column("segment"), prepend=-1.0))
