@@ -69,6 +69,8 @@ class TrackEnv(OwnState, gym.Env[Float32Array, np.int64]):
         by_type = getattr(self.options, "actions", "all") == "types"
         types = [mode.type for mode in self.options.all_modes]
         types = list(self.options.type_names) if by_type else types
+        # Without what the height does.
+        types = [of_type.split()[0] for of_type in types]
         first = int(self.options.switches == "announced")
         last = self.options.action_count - 1
         keys = {"w": "straight", "a": "left", "d": "right", "s": "stop"}
@@ -86,7 +88,7 @@ class TrackEnv(OwnState, gym.Env[Float32Array, np.int64]):
         self._terminated = self.world.terminated
         block = self.world.blocks[0]
         field = self.options.hypothesis_field
-        views = {name: block[name][..., 0] for name in self.options.tick_names}
+        views = {name: block[name][..., 0] for name in self.options.names_of_tick}
         views[field] = self.world.bank.hypotheses[field][0, :, 0]
         views |= {name: array[0] for name, array in self.world.drawn.items()}
         views["action_mask"] = self.world.action_mask[0]

@@ -9,7 +9,7 @@ import numpy as np
 from annotated_types import Interval, Unit
 
 from hybrid_env.checks import AnyArray, Checked, FloatArray, IntArray, Share, reject
-from hybrid_env.core.memory import PARAMETERS
+from hybrid_env.core.memory import HEIGHT_NAMES, PARAMETERS
 from hybrid_env.limits import (
     Quantity,
     QuantityOrZero,
@@ -20,8 +20,9 @@ from hybrid_env.limits import (
     check_variances,
     distinct_radii,
 )
-from hybrid_env.modes import Mode, modes_of_radii, motion_table, parse_modes, radii_of_modes
+from hybrid_env.modes import Climb, Mode, modes_of_radii, motion_table, parse_modes, radii_of_modes
 from hybrid_env.noises import GaussianNoise, Noise, StudentNoise, parse_likelihood, parse_noise
+from hybrid_env.observation import Layout
 from hybrid_env.sensors import Radar, Sensor, parse_sensors, sensor_table
 
 
@@ -38,7 +39,9 @@ class ModelOptions(Checked):
             hypotheses of n radii. The short form of `modes`.
         modes: modes of object and bank, see `hybrid_env.modes`: "straight, left 5, turn rate 0.2,
             stop, accelerate 1", or a sequence of names and of mode objects. With them `radii` has
-            no effect. None is straight motion and the turns of `radii`.
+            no effect. None is straight motion and the turns of `radii`. With "climb 5" or "descend
+            5" [m/s] among them a hypothesis is a pair of modes, of the plane and of the height,
+            whose first value is 0, measured with an error of its own.
         speed: initial speed of the object [m/s].
         heading: initial heading of the object [rad], counter-clockwise from the x axis; None means
             a uniform one.
@@ -49,6 +52,9 @@ class ModelOptions(Checked):
         drift_variance: variance of the drift of each measured coordinate in a tick [m^2], as of a
             GPS, that anchor-aware and IMM filters assume; measurements have none.
         measurement_variance: R, variance of each measured coordinate [m^2], one number or (x, y).
+        climb_variance: variance of the noise added to the vertical rate at every tick [m^2/s^2];
+            None is Q.
+        height_variance: variance of a measured height [m^2]; None is R.
         noise: law of the errors of measurements in units of sqrt(R), see `hybrid_env.noises`:
             "gaussian", "outliers 0.02", "levy 1.5 1 44", "student_t 3", or a law object. The bank
             does not know it.
@@ -71,7 +77,7 @@ class ModelOptions(Checked):
     """
 
     switches: ClassVar[Literal["announced", "unknown"]]
-    # Names of what `info` tells of the current tick, in its order.
+    # Those of the plane of what `info` tells of the current tick, in its order.
     tick_names: ClassVar[tuple[str, ...]]
     # Name of what `info` tells of every hypothesis.
     hypothesis_field: ClassVar[str]
@@ -85,6 +91,8 @@ class ModelOptions(Checked):
     object_variance: Annotated[float | tuple[float, float], check_variance_range] | None = None
     drift_variance: Annotated[QuantityOrZero, Unit("m^2")] = 0.0
     measurement_variance: Annotated[float | tuple[float, float], check_variances] = 0.1
+    climb_variance: Annotated[QuantityOrZero, Unit("m^2/s^2")] | None = None
+    height_variance: Annotated[Quantity, Unit("m^2")] | None = None
     noise: Annotated[str | Noise, parse_noise] = "gaussian"
     missed: Share = 0.0
     sensors: Annotated[tuple[Sensor | Radar, ...], parse_sensors] = ()
@@ -105,6 +113,9 @@ class ModelOptions(Checked):
         if self.sensors and self.variances.size > 1:
             allowed = "one number with sensors, whose variances are the same for both axes"
             raise reject("measurement_variance", self.measurement_variance, allowed)
+
+        if self.sensors and self.climbs:
+            raise reject("sensors", self.sensors, "none with modes that climb or descend")
 
     def _check_ratios(self, radii: Iterable[float]) -> None:
         """Check the ratios of the options, for radii of bank and object [m]."""
@@ -135,6 +146,12 @@ class ModelOptions(Checked):
         fastest = max(self.process_variance, self.object_variances[1], self.initial_error[1])
         motion = max(self.tau * max(self.speed, math.sqrt(fastest)), pushed)
         motion = max(motion, math.sqrt(self.drift_variance))
+        climb, height = self.height_variances
+        rates = [abs(mode.rate) for mode in self.all_modes if isinstance(mode, Climb)]
+        risen = self.tau * max(math.sqrt(climb), *rates, 0.0) if rates else 0.0
+        if height < (risen / 1e9) ** 2:
+            allowed = "the climb per tick is too many standard deviations"
+            raise reject("height_variance", height, f"at least {(risen / 1e9) ** 2:g}: {allowed}")
         # Standard deviations of a measurement in a tick and in a radius; a float64 has 16 digits.
         least = max(motion / 1e9, max(radii, default=0.0) / 1e12) ** 2
         variance = float(self.variances.min())
@@ -150,6 +167,11 @@ class ModelOptions(Checked):
     @property
     def longest_episode(self) -> int:
         """Largest number of steps of an episode."""
+        raise NotImplementedError
+
+    @property
+    def layout_class(self) -> type[Layout]:
+        """Class of the layout of the rows."""
         raise NotImplementedError
 
     @property
@@ -169,6 +191,30 @@ class ModelOptions(Checked):
             return modes_of_radii(self.radii)
         assert not isinstance(self.modes, str)
         return tuple(mode for mode in self.modes if isinstance(mode, Mode))
+
+    @property
+    def climbs(self) -> bool:
+        """Whether modes say what the height does: the world has three dimensions."""
+        return isinstance(self.all_modes[0], Climb)
+
+    @property
+    def height_variances(self) -> tuple[float, float]:
+        """Variances of the process noise of the vertical rate [m^2/s^2], and of a height [m^2]."""
+        climb, height = self.climb_variance, self.height_variance
+        process = self.process_variance if climb is None else climb
+        return process, self.deviation**2 if height is None else height
+
+    @property
+    def layout(self) -> Layout:
+        """Layout of the rows."""
+        return self.layout_class(self.hypotheses, self.climbs)
+
+    @property
+    def names_of_tick(self) -> tuple[str, ...]:
+        """Names of what `info` tells of the current tick, in its order."""
+        without = () if "anchor" in self.tick_names else ("anchor_height",)
+        heights = (name for name in HEIGHT_NAMES if name not in without)
+        return (*self.tick_names, *heights) if self.climbs else self.tick_names
 
     @property
     def type_names(self) -> tuple[str, ...]:
@@ -237,6 +283,7 @@ class ModelOptions(Checked):
         }
         position, velocity = self.initial_error
         smallest, largest = self.object_variances
+        climb, height = self.height_variances
         freedom = self.likelihood.freedom if isinstance(self.likelihood, StudentNoise) else 0.0
         return {
             **plain,
@@ -251,6 +298,9 @@ class ModelOptions(Checked):
             "deviation_y": np.sqrt(self.variances[-1]),
             "variance_x": self.variances[0],
             "variance_y": self.variances[-1],
+            "climb_variance": climb,
+            "height_variance": height,
+            "height_rows": self.hypotheses if self.climbs else 0,
             "log_noise": np.log(self.variances).mean(),
             "noise_whitener": 1.0 / self.deviation,
             "radii_count": len(self.radii),

@@ -7,6 +7,11 @@ A mode says how the state of an object changes in a tick, x' = F x + B + w with 
 state is [x, vx, y, vy], or with accelerations [x, vx, ax, y, vy, ay] [m, m/s, m/s^2]; the position
 is measured. A mode of the user is a `LinearMode`, or a subclass of `Mode` with `matrices`. Modes of
 one type, such as all left turns, count as one with `correctness="type"`.
+
+    modes="straight, left 900, right 900, climb 5, descend 5"
+
+With climbs a hypothesis is a pair of a mode of the plane and of one of the height: here nine,
+"straight level", "straight climb 5", ..., "right 900 descend 5".
 """
 
 import functools
@@ -71,6 +76,11 @@ class Mode(Checked, ABC):
     def starting_acceleration(self) -> float:
         """Acceleration along the heading at the switch [m/s^2]."""
         return 0.0
+
+    @property
+    def planar(self) -> "Mode":
+        """The mode of the plane, without what the height does."""
+        return self
 
     @abstractmethod
     def matrices(self, tau: float) -> Matrices:
@@ -262,6 +272,77 @@ class LinearMode(Mode):
         return asdict(self)
 
 
+@dataclass(frozen=True)
+class Climb(Mode):
+    """A vertical rate that the object has from the switch on, and its mode in the plane.
+
+    Attributes:
+        rate: vertical rate [m/s]; a negative one descends, 0 is level.
+        plane: mode of the plane; None is every one of the option `modes`, which then has a mode for
+            each of its modes of the plane and each rate, 0 first.
+    """
+
+    rate: Annotated[float, Interval(ge=-1e18, le=1e18), Unit("m/s")]
+    plane: Mode | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if isinstance(self.plane, Climb):
+            raise reject("plane", str(self.plane), "a mode of the plane")
+
+    def _after(self, word: str, rate: str = "") -> str:
+        """Return a word of the mode of the plane, and what the height does."""
+        side = "climb" if self.rate > 0.0 else "descend" if self.rate else "level"
+        return f"{word} {side} {rate if self.rate else ''}".strip()
+
+    @property
+    def planar(self) -> Mode:
+        """See `Mode.planar`."""
+        return Straight() if self.plane is None else self.plane
+
+    @property
+    def name(self) -> str:
+        """See `Mode.name`."""
+        return self._after(self.plane.name if self.plane else "", f"{abs(self.rate):.15g}")
+
+    @property
+    def label(self) -> str:
+        """See `Mode.label`."""
+        return self._after(self.planar.label, f"{abs(self.rate):g}")
+
+    @property
+    def type(self) -> str:
+        """The types of both."""
+        return self._after(self.planar.type)
+
+    @property
+    def signed_radius(self) -> float:
+        """See `Mode.signed_radius`."""
+        return self.planar.signed_radius
+
+    @property
+    def starting_acceleration(self) -> float:
+        """See `Mode.starting_acceleration`."""
+        return self.planar.starting_acceleration
+
+    def matrices(self, tau: float) -> Matrices:
+        """See `Mode.matrices`: those of the plane."""
+        return self.planar.matrices(tau)
+
+
+def with_heights(modes: Sequence[Mode]) -> list[Mode]:
+    """Return the modes of pairs, if one of them climbs, descends or is level."""
+    climbs = [mode for mode in modes if isinstance(mode, Climb)]
+    planes = [mode for mode in modes if not isinstance(mode, Climb)]
+    if not climbs:
+        return planes
+    rates = [mode.rate for mode in climbs if mode.plane is None]
+    if rates and not planes:
+        planes = [Straight()]
+    pairs = [Climb(rate, plane) for plane in planes for rate in dict.fromkeys([0.0, *rates])]
+    return [*pairs, *(mode for mode in climbs if mode.plane is not None)]
+
+
 def as_tuples(array: FloatArray) -> tuple[Any, ...]:
     """Return the numbers of a vector, or the rows of a matrix."""
     numbers: list[Any] = array.tolist()
@@ -304,10 +385,11 @@ def parse_modes(value: Any, name: str = "modes") -> tuple[Mode, ...] | None:
         if mode is None:
             allowed = (
                 "modes of hybrid_env.modes, or their names: 'straight', 'left 5', 'right 5',"
-                " 'stop', 'accelerate 0.5', 'turn rate 0.2'"
+                " 'stop', 'accelerate 0.5', 'turn rate 0.2', 'climb 5'"
             )
             raise reject(name, part, allowed)
         modes.append(mode)
+    modes = with_heights(modes)
     names = [mode.name for mode in modes]
     if not 2 <= len(modes) <= most_modes or len({*names}) < len(modes):
         raise reject(name, names, f"2 to {most_modes:,} modes of different names")
@@ -325,6 +407,12 @@ def mode_of(value: Any) -> Mode | None:
 def mode_of_text(text: Any) -> Mode | None:
     """Return the mode of a text; None if there is none of this name."""
     words = " ".join(text.split()) if type(text) is str else ""
+    if match := re.fullmatch(r"(.*?) ?\b(?:level|(climb|descend) ?([-+\d.]\S*))", words):
+        with suppress(TypeError, ValueError):
+            plane = mode_of_text(match[1])
+            rate = float(match[3] or 0.0) * (-1.0 if match[2] == "descend" else 1.0)
+            return Climb(rate, plane) if plane or not match[1] else None
+        return None
     match = re.fullmatch(r"([a-z]+(?: [a-z]+)*) ?([-+\d.]\S*)?", words)
     if match is None:
         return None
@@ -357,8 +445,9 @@ def motion_table(
         square = np.ix_(places, places)
         motion["signed_radius"] = mode.signed_radius
         motion["acceleration"] = mode.starting_acceleration
-        motion["linear"] = not isinstance(mode, (Straight, Turn))
-        motion["stands"] = isinstance(mode, Stop)
+        motion["climb_rate"] = mode.rate if isinstance(mode, Climb) else 0.0
+        motion["linear"] = not isinstance(mode.planar, (Straight, Turn))
+        motion["stands"] = isinstance(mode.planar, Stop)
         motion["F"][square] = F
         motion["B"][list(places)] = B
         if Q is None:

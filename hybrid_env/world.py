@@ -81,7 +81,7 @@ class World:
             raise reject("bank_info", bank_info, "False with unknown switches")
         self.options = options
         self.live = live
-        self.layout = options.layout_class(options.hypotheses)
+        self.layout = options.layout
         self.threads = min(threads, -(-tracks // LANES))
         parameters = np.zeros(1, PARAMETERS)
         fields = options.parameters()
@@ -252,7 +252,7 @@ class World:
 
     def copy_tick(self) -> dict[str, AnyArray]:
         """Return copies of the current tick of every track by their names in `info`, (N, ...)."""
-        ticks = {name: self.field(name) for name in self.options.tick_names}
+        ticks = {name: self.field(name) for name in self.options.names_of_tick}
         ticks[self.options.hypothesis_field] = self.hypothesis_values()
         return ticks | {name: array.copy() for name, array in self.drawn.items()}
 
@@ -260,7 +260,9 @@ class World:
         """Return what every filter did at the present tick, see `read_bank_ticks`; empty if it
         is not recorded.
         """
-        return read_bank_ticks(self.bank_ticks) if self.bank_ticks.size else {}
+        told = read_bank_ticks(self.bank_ticks) if self.bank_ticks.size else {}
+        plane = [name for name in told if not name.startswith("height")]
+        return told if self.options.climbs else {name: told[name] for name in plane}
 
     @property
     def drawn(self) -> dict[str, FloatArray]:
@@ -324,7 +326,8 @@ class World:
             "log_error_probability": (LOG_FLOOR, 0.0),
             **dict.fromkeys(("previous", "stated", "measured", "true_mode"), (0.0, 1.0)),
             **dict.fromkeys(("ticks", "ticks_left", "stated_ticks"), (0.0, longest)),
-            **dict.fromkeys(("log_variance", "speed", "anchor_xx", "anchor_vv"), (0.0, unbounded)),
+            **dict.fromkeys(("log_variance", "log_variance_up", "speed"), (0.0, unbounded)),
+            **dict.fromkeys(("anchor_xx", "anchor_vv"), (0.0, unbounded)),
         }
         low, high = np.outer([-unbounded, unbounded], np.ones(self.layout.width)).astype(np.float32)
         for name, place in self.layout.slices.items():

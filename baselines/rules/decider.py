@@ -109,6 +109,9 @@ class Decider:
             modes = ", ".join(map(str, options.modes))
             allowed = "straight motion, left and right turns of the same radii"
             raise reject("modes", modes, f"{allowed} for {self.title or type(self).__name__}")
+        if options.climbs and self.observes == "tracks":
+            allowed = "no climb or descent"
+            raise reject("modes", options.modes, f"{allowed} for {self.title}")
         return self
 
     def at(self, threshold: ArrayLike) -> Self:

@@ -111,8 +111,23 @@ MEASURED_FIELDS = {
 # What the sensors measure in a tick.
 MEASURED = lanes_of(**MEASURED_FIELDS)
 
+HEIGHT_FIELDS = {
+    # True height and its rate [m, m/s].
+    "true_height": (float, 2),
+    # Measured [m], NaN without a measurement.
+    "height": float,
+    # Of the estimate at the switch [m].
+    "anchor_height": float,
+    # [z, vz] of the active filter, or merged over the bank, and its covariance zz, zv, vv.
+    "height_estimate": (float, 2),
+    "height_covariance": (float, 3),
+}
+# Of a track whose modes climb or descend.
+HEIGHT_NAMES = ("true_height", "height", "anchor_height", "height_estimate")
+"""What `info` then tells of the current tick too."""
+
 # In `info` of ticks with a measurement only.
-MEASURED_NAMES = "measurement", "innovations"
+MEASURED_NAMES = "measurement", "innovations", "height", "height_innovations"
 TICK_NAMES = ("segment", "tick", "true_mode", "truth", "measurement", "anchor", "estimate")
 """The fields of a block that describe the current tick, in the order of `info`."""
 
@@ -165,13 +180,24 @@ BLOCK = lanes_of(
     stated_mode=int,
     # Number of consecutive statements of this mode, 0 before the first.
     stated_ticks=int,
+    **HEIGHT_FIELDS,
 )
 """State of `LANES` tracks."""
 
 
-BANK_COLUMNS = {"innovations": 2, "innovation_covariances": 3, "estimates": 4, "covariances": 10}
+BANK_COLUMNS = {
+    "innovations": 2,
+    "innovation_covariances": 3,
+    "estimates": 4,
+    "covariances": 10,
+    "heights": 2,
+    "height_covariances": 3,
+    "height_innovations": 1,
+    "height_innovation_variances": 1,
+}
 """Columns of what is told of a filter at a tick: innovation (x, y) [m], upper triangles of
-covariances row by row, and the corrected estimate [x, vx, y, vy] [m, m/s].
+covariances row by row, and the corrected estimate [x, vx, y, vy] [m, m/s]; and the same of its
+height [z, vz], if modes climb or descend.
 """
 
 DECISION = ("decided_mode", "decided_true_mode", "ticks", "decided_length", "decided_squared_error")
@@ -198,6 +224,8 @@ MOTION = np.dtype(
         ("signed_radius", np.float64),
         # Along the heading at the switch [m/s^2].
         ("acceleration", np.float64),
+        # Vertical, of a mode that climbs or descends [m/s].
+        ("climb_rate", np.float64),
         # x' = F x + B + w of a tick, w of covariance Q, which is `noise` `noise`'.
         ("F", np.float64, (MOTION_STATES, MOTION_STATES)),
         ("B", np.float64, MOTION_STATES),
@@ -226,6 +254,9 @@ TRACE_COLUMNS = (
     "active_mode",
     "segment",
     "true_mode",
+    "z",
+    "measured_z",
+    "estimate_z",
 )
 """Columns of the trace. It has one row per tick of a step, including fast-forwarded ticks; with
 unknown switches the active mode is the statement before the tick."""
@@ -457,6 +488,17 @@ class AnchorAwareBank(NamedTuple):
     likelihoods: Any = LIKELIHOODS
 
 
+HEIGHT_FILTER = lanes_of(
+    # [z, vz] [m, m/s], and its covariance zz, zv, vv.
+    state=(float, 2),
+    covariance=(float, 3),
+    # Of the current tick, 0 without a measurement [m], and its variance.
+    innovation=float,
+    variance=float,
+)
+"""The filter of the height of one hypothesis, see `banks.height`."""
+
+
 class DenseBank(NamedTuple):
     """The same bank for modes of the user."""
 
@@ -465,6 +507,7 @@ class DenseBank(NamedTuple):
     sums: Any = SUMS
     likelihoods: Any = LIKELIHOODS
     motions: Any = Array(MOTION, ("modes",), "options")
+    heights: Any = Array(HEIGHT_FILTER, ("blocks_count", "height_rows"), "block")
 
 
 IMM_HYPOTHESIS = lanes_of(
@@ -505,6 +548,8 @@ class DenseImmBank(NamedTuple):
     motions: Any = Array(MOTION, ("modes",), "options")
     # Probability of a mode (column) in a tick by that in the tick before.
     transitions: Any = Array(np.float64, ("modes", "modes"), "options")
+    heights: Any = Array(HEIGHT_FILTER, ("blocks_count", "height_rows"), "block")
+    mixed_heights: Any = Array(HEIGHT_FILTER, ("height_rows",), "thread")
 
 
 BANKS: dict[str, type] = {
@@ -589,6 +634,9 @@ PARAMETERS = np.dtype(
                 # Q [m^2/s^2], of the drift, and R of each axis [m^2].
                 "process_variance",
                 "drift_variance",
+                # The same of the vertical rate, and R of the height.
+                "climb_variance",
+                "height_variance",
                 "variance_x",
                 "variance_y",
                 # Smallest sqrt(Q) of an object [m/s], logarithm of the largest one over it, and
@@ -642,6 +690,8 @@ PARAMETERS = np.dtype(
                 "observation",
                 # M if every tick of the bank is recorded, or 0.
                 "bank_rows",
+                # M if modes climb or descend, or 0.
+                "height_rows",
                 # Between two decisions [ticks].
                 "decide_every",
                 # Of a random scheme, and of an episode with unknown switches.

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.core.banks.bank import estimate_of, likeliest
-from hybrid_env.core.compilation import formula, inlined, internal
+from hybrid_env.core.banks.height import where_heights
+from hybrid_env.core.compilation import formula, inlined, internal, seldom, stay_apart
 from hybrid_env.core.elementary import log
 from hybrid_env.core.memory import FloatArray, state_of
 from hybrid_env.core.motion import heading_vector
@@ -105,6 +106,8 @@ def write_trace(trace: FloatArray, block: Any, lane: int, active_mode: int) -> N
         row[4], row[5] = block.measurement[0, lane], block.measurement[1, lane]
         row[6], row[7] = block.estimate[0, lane], block.estimate[2, lane]
         row[8], row[9], row[10] = active_mode, block.segment[lane], block.true_mode[lane]
+        row[11], row[12] = block.true_height[0, lane], block.height[lane]
+        row[13] = block.height_estimate[0, lane]
         block.trace_length[lane] += 1
 
 
@@ -243,3 +246,42 @@ def write_quickest_row(
     row[6 * M] = min(setting.tau * speed * setting.noise_whitener, LARGEST_ANCHOR)
     row[6 * M + 1] = TICK_SCALE * block.stated_ticks[lane]
     row[6 * M + 2] = _measured(block, lane, setting)
+
+
+@seldom
+def _write_heights(
+    bank: Any, row: NDArray[np.float32], block: Any, lane: int, anchored: bool, setting: Any
+) -> None:
+    """Write the values at the end of a row that modes with a climb have besides, in the order of
+    `Layout.height_features`. anchored: switches are announced.
+    """
+    stay_apart()
+    M = bank.heights.size
+    if M == 0:
+        return
+    whitener = 1.0 / math.sqrt(setting.height_variance)
+    height, anchor = block.height[lane], block.anchor_height[lane]
+    if setting.observation == STATE_ROW:
+        up = row[setting.width - 2 :]
+        up[0] = LENGTH_SCALE * whitener * (block.true_height[0, lane] - anchor)
+        up[1] = setting.tau * whitener * block.true_height[1, lane]
+        return
+    if math.isnan(height):
+        height = anchor
+        if setting.observation == BANK_ROW:
+            height = bank.heights[likeliest(bank.hypotheses, lane)].state[0, lane]
+    last = LENGTH_SCALE * whitener * (height - anchor)
+    if setting.observation != RAW_ROW:
+        up = row[setting.width - (M if setting.observation == INNOVATIONS_ROW else 2 * M + 1) :]
+        for h in range(M):
+            kalman = bank.heights[h]
+            white = kalman.innovation[lane] / math.sqrt(kalman.variance[lane])
+            up[h] = max(min(white, LARGEST), -LARGEST)
+            if setting.observation == BANK_ROW:
+                up[M + h] = max(log(kalman.variance[lane] * whitener * whitener), 0.0)
+    if setting.observation != INNOVATIONS_ROW:
+        climb = setting.tau * whitener * block.height_estimate[1, lane]
+        row[setting.width - 1] = last if anchored else climb
+
+
+write_heights = where_heights(_write_heights)

@@ -1,6 +1,6 @@
 """The true object: its start, motion with process noise on the velocity, and measurements of its
-position. Golubkov 2018, eq. (1). Without a measurement a tick has NaN; those of several sensors are
-fused.
+position, and of its height where modes climb or descend. Golubkov 2018, eq. (1). Without a
+measurement a tick has NaN; those of several sensors are fused.
 """
 
 import math
@@ -53,6 +53,17 @@ def draw_first_estimate(block: Any, noise: FloatArray, lane: int, setting: Any) 
     write_lane(block.covariance, lane, (xx, 0.0, 0.0, 0.0, vv, 0.0, 0.0, yy, 0.0, vv))
 
 
+@seldom
+def draw_first_height(block: Any, noise: FloatArray, lane: int, setting: Any) -> None:
+    """Do what `draw_first_estimate` does for the height; its rate follows from the mode."""
+    stay_apart()
+    draw_normals(block.random_state, noise, lane, lane + np.uint64(1), None)
+    variance = setting.initial_position * setting.height_variance
+    block.true_height[0, lane] = 0.0
+    write_lane(block.height_estimate, lane, (math.sqrt(variance) * noise[0, lane], 0.0))
+    write_lane(block.height_covariance, lane, (variance, 0.0, 0.0))
+
+
 @internal
 def begin_motion(
     block: Any, lane: int, segment: FloatArray, motions: Records | None, tau: float
@@ -69,7 +80,9 @@ def begin_motion(
     write_lane(block.true_motion, lane, motion_coefficients(turn_rate, tau))
     write_lane(block.true_centre, lane, turn_centre(x, y, heading_x, heading_y, signed_radius))
     if motions is not None:
-        acceleration = motions[np.int64(segment[MODE])].acceleration
+        motion = motions[np.int64(segment[MODE])]
+        acceleration = motion.acceleration
+        block.true_height[1, lane] = motion.climb_rate
         block.true_acceleration[0, lane] = acceleration * heading_x
         block.true_acceleration[1, lane] = acceleration * heading_y
 
@@ -220,6 +233,22 @@ def _sense(
         block.measurement[0, lane] = block.measurement[1, lane] = np.nan
 
 
+@seldom
+def _climb(block: Any, noise: FloatArray, first: int, last: int, setting: Any) -> None:
+    """Move the heights of lanes first .. last - 1 by one tick, and measure those of objects whose
+    position is measured. The rate changes by process noise alone.
+    """
+    stay_apart()
+    draw_noise(block.random_state, noise, first, last, setting)
+    for lane in range(first, last):
+        height = block.true_height[0, lane] + setting.tau * block.true_height[1, lane]
+        block.true_height[0, lane] = height
+        block.true_height[1, lane] += math.sqrt(setting.climb_variance) * noise[0, lane]
+        error = math.sqrt(setting.height_variance) * noise[2, lane]
+        missing = math.isnan(block.measurement[0, lane])
+        block.height[lane] = np.nan if missing else height + error
+
+
 @internal
 def move(
     block: Any,
@@ -245,3 +274,5 @@ def move(
         for lane in range(first, last):
             if noise[LOST, lane] < setting.missed:
                 block.measurement[0, lane] = block.measurement[1, lane] = np.nan
+    if motions is not None and setting.height_rows > 0:
+        _climb(block, noise, first, last, setting)

@@ -14,8 +14,8 @@ from hybrid_env.core.habits import draw_from_law, draw_law, draw_mode, draw_orde
 from hybrid_env.core.kernel import HALTED, TERMINATED
 from hybrid_env.core.memory import LANES, arrays_of
 from hybrid_env.core.noise import integer_below, uniform
-from hybrid_env.core.observation_row import write_quickest_row, write_trace
-from hybrid_env.core.true_object import begin_motion, draw_first_estimate, move
+from hybrid_env.core.observation_row import write_heights, write_quickest_row, write_trace
+from hybrid_env.core.true_object import begin_motion, draw_first_estimate, draw_first_height, move
 
 # Halves of the table of durations.
 FIRST_DURATIONS, OTHER_DURATIONS = 0, 1
@@ -51,6 +51,8 @@ def _begin_episode(block: Any, lane: int, i: int, bank: Any, arrays: Any, settin
     if setting.drawn_modes > 0:
         draw_order(block.random_state, lane, arrays.drawn_order[i])
     draw_first_estimate(block, arrays.scratch[0].noise, lane, setting)
+    if setting.height_rows > 0:
+        draw_first_height(block, arrays.scratch[0].noise, lane, setting)
     mode = integer_below(block.random_state, lane, arrays.table.shape[0])
     block.segment[lane] = 0
     block.time[lane] = 0
@@ -144,7 +146,9 @@ def write_rows(
     """Write the rows of lanes first .. last - 1 of block b."""
     arrays = arrays_of(setting)
     for lane in range(first, last):
-        write_quickest_row(arrays.observations[b * LANES + lane], block, lane, bank, setting)
+        row = arrays.observations[b * LANES + lane]
+        write_quickest_row(row, block, lane, bank, setting)
+        write_heights(bank, row, block, lane, False, setting)
 
 
 @internal

@@ -44,6 +44,12 @@ from hybrid_env.core.banks.filter import (
     predict_coordinated,
     predict_linear,
 )
+from hybrid_env.core.banks.height import (
+    begin_heights,
+    merge_heights,
+    mix_heights,
+    step_mixed_heights,
+)
 from hybrid_env.core.banks.posterior import compare, write_covariance, write_mean
 from hybrid_env.core.banks.sensing import correct_by_sensors
 from hybrid_env.core.compilation import formula, internal, selected
@@ -107,6 +113,7 @@ def begin_imm(bank: Any, block: Any, lane: int, known: int) -> None:
         else:
             kalman.log_probability[lane] = 0.0 if h == known else NEGLIGIBLE
         kalman.log_likelihood[lane] = 0.0
+    begin_heights(bank, block, lane, False)
 
 
 @internal
@@ -228,6 +235,7 @@ def step_imm(
     """
     motions, at_once = motions_of(bank), alike(block, first, last, sensors, model)
     _mix(bank, block, first, last, model)
+    mix_heights(bank, first, last)
     for h in range(bank.hypotheses.size):
         kalman, mixed, innovation = bank.hypotheses[h], bank.mixed[h], bank.innovations[h]
         motion = motion_at(motions, h)
@@ -244,6 +252,7 @@ def step_imm(
                 before, moved = read_filter(kalman, lane), read_filter(mixed, lane)
                 after = correct(before, moved, block.measurement, lane, model)
                 _write(kalman, mixed, innovation, lane, after)
+    step_mixed_heights(bank, first, last, block, model)
     compare(bank, _log_probability, first, last)
     for h in range(bank.hypotheses.size):
         kalman = bank.hypotheses[h]
@@ -253,3 +262,4 @@ def step_imm(
             kalman.log_probability[lane] = ratio + log(bank.sums[0].inverse[lane])
     write_mean(bank, block, first, last)
     write_covariance(bank, block, first, last, covariance)
+    merge_heights(bank, block, first, last)
