@@ -88,7 +88,7 @@ class TrackEnv(OwnState, gym.Env[Float32Array, np.int64]):
         self._terminated = self.world.terminated
         block = self.world.blocks[0]
         field = self.options.hypothesis_field
-        views = {name: block[name][..., 0] for name in self.options.names_of_tick}
+        views = {name: block[name][..., 0] for name in self.world.tick_names}
         views[field] = self.world.bank.hypotheses[field][0, :, 0]
         views |= {name: array[0] for name, array in self.world.drawn.items()}
         views["action_mask"] = self.world.action_mask[0]

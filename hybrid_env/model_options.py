@@ -9,7 +9,7 @@ import numpy as np
 from annotated_types import Interval, Unit
 
 from hybrid_env.checks import AnyArray, Checked, FloatArray, IntArray, Share, reject
-from hybrid_env.core.memory import HEIGHT_NAMES, PARAMETERS
+from hybrid_env.core.memory import PARAMETERS
 from hybrid_env.limits import (
     Quantity,
     QuantityOrZero,
@@ -22,7 +22,6 @@ from hybrid_env.limits import (
 )
 from hybrid_env.modes import Climb, Mode, modes_of_radii, motion_table, parse_modes, radii_of_modes
 from hybrid_env.noises import GaussianNoise, Noise, StudentNoise, parse_likelihood, parse_noise
-from hybrid_env.observation import Layout
 from hybrid_env.sensors import Radar, Sensor, parse_sensors, sensor_table
 
 
@@ -52,9 +51,8 @@ class ModelOptions(Checked):
         drift_variance: variance of the drift of each measured coordinate in a tick [m^2], as of a
             GPS, that anchor-aware and IMM filters assume; measurements have none.
         measurement_variance: R, variance of each measured coordinate [m^2], one number or (x, y).
-        climb_variance: variance of the noise added to the vertical rate at every tick [m^2/s^2];
-            None is Q.
-        height_variance: variance of a measured height [m^2]; None is R.
+        climb_variance: variance of the noise added to the vertical rate at every tick [m^2/s^2].
+        height_variance: variance of a measured height [m^2], whose errors are normal.
         noise: law of the errors of measurements in units of sqrt(R), see `hybrid_env.noises`:
             "gaussian", "outliers 0.02", "levy 1.5 1 44", "student_t 3", or a law object. The bank
             does not know it.
@@ -77,7 +75,7 @@ class ModelOptions(Checked):
     """
 
     switches: ClassVar[Literal["announced", "unknown"]]
-    # Those of the plane of what `info` tells of the current tick, in its order.
+    # Names of what `info` tells of the current tick, in its order.
     tick_names: ClassVar[tuple[str, ...]]
     # Name of what `info` tells of every hypothesis.
     hypothesis_field: ClassVar[str]
@@ -91,8 +89,8 @@ class ModelOptions(Checked):
     object_variance: Annotated[float | tuple[float, float], check_variance_range] | None = None
     drift_variance: Annotated[QuantityOrZero, Unit("m^2")] = 0.0
     measurement_variance: Annotated[float | tuple[float, float], check_variances] = 0.1
-    climb_variance: Annotated[QuantityOrZero, Unit("m^2/s^2")] | None = None
-    height_variance: Annotated[Quantity, Unit("m^2")] | None = None
+    climb_variance: Annotated[QuantityOrZero, Unit("m^2/s^2")] = 0.001
+    height_variance: Annotated[Quantity, Unit("m^2")] = 0.1
     noise: Annotated[str | Noise, parse_noise] = "gaussian"
     missed: Share = 0.0
     sensors: Annotated[tuple[Sensor | Radar, ...], parse_sensors] = ()
@@ -146,18 +144,17 @@ class ModelOptions(Checked):
         fastest = max(self.process_variance, self.object_variances[1], self.initial_error[1])
         motion = max(self.tau * max(self.speed, math.sqrt(fastest)), pushed)
         motion = max(motion, math.sqrt(self.drift_variance))
-        climb, height = self.height_variances
-        rates = [abs(mode.rate) for mode in self.all_modes if isinstance(mode, Climb)]
-        risen = self.tau * max(math.sqrt(climb), *rates, 0.0) if rates else 0.0
-        if height < (risen / 1e9) ** 2:
-            allowed = "the climb per tick is too many standard deviations"
-            raise reject("height_variance", height, f"at least {(risen / 1e9) ** 2:g}: {allowed}")
+        variances = {"measurement_variance": float(self.variances.min())}
+        if self.climbs:
+            fastest = max(self.climb_variance, (self.motions["climb_rate"] ** 2).max())
+            motion = max(motion, self.tau * math.sqrt(fastest))
+            variances["height_variance"] = self.height_variance
         # Standard deviations of a measurement in a tick and in a radius; a float64 has 16 digits.
         least = max(motion / 1e9, max(radii, default=0.0) / 1e12) ** 2
-        variance = float(self.variances.min())
-        if variance < least:
-            allowed = "the motion per tick and the radii are too many standard deviations"
-            raise reject("measurement_variance", variance, f"at least {least:g}: {allowed}")
+        for name, variance in variances.items():
+            if variance < least:
+                allowed = "the motion per tick and the radii are too many standard deviations"
+                raise reject(name, variance, f"at least {least:g}: {allowed}")
 
     @property
     def action_count(self) -> int:
@@ -167,11 +164,6 @@ class ModelOptions(Checked):
     @property
     def longest_episode(self) -> int:
         """Largest number of steps of an episode."""
-        raise NotImplementedError
-
-    @property
-    def layout_class(self) -> type[Layout]:
-        """Class of the layout of the rows."""
         raise NotImplementedError
 
     @property
@@ -196,25 +188,6 @@ class ModelOptions(Checked):
     def climbs(self) -> bool:
         """Whether modes say what the height does: the world has three dimensions."""
         return isinstance(self.all_modes[0], Climb)
-
-    @property
-    def height_variances(self) -> tuple[float, float]:
-        """Variances of the process noise of the vertical rate [m^2/s^2], and of a height [m^2]."""
-        climb, height = self.climb_variance, self.height_variance
-        process = self.process_variance if climb is None else climb
-        return process, self.deviation**2 if height is None else height
-
-    @property
-    def layout(self) -> Layout:
-        """Layout of the rows."""
-        return self.layout_class(self.hypotheses, self.climbs)
-
-    @property
-    def names_of_tick(self) -> tuple[str, ...]:
-        """Names of what `info` tells of the current tick, in its order."""
-        without = () if "anchor" in self.tick_names else ("anchor_height",)
-        heights = (name for name in HEIGHT_NAMES if name not in without)
-        return (*self.tick_names, *heights) if self.climbs else self.tick_names
 
     @property
     def type_names(self) -> tuple[str, ...]:
@@ -283,7 +256,6 @@ class ModelOptions(Checked):
         }
         position, velocity = self.initial_error
         smallest, largest = self.object_variances
-        climb, height = self.height_variances
         freedom = self.likelihood.freedom if isinstance(self.likelihood, StudentNoise) else 0.0
         return {
             **plain,
@@ -298,8 +270,6 @@ class ModelOptions(Checked):
             "deviation_y": np.sqrt(self.variances[-1]),
             "variance_x": self.variances[0],
             "variance_y": self.variances[-1],
-            "climb_variance": climb,
-            "height_variance": height,
             "height_rows": self.hypotheses if self.climbs else 0,
             "log_noise": np.log(self.variances).mean(),
             "noise_whitener": 1.0 / self.deviation,

@@ -285,35 +285,25 @@ class Climb(Mode):
     rate: Annotated[float, Interval(ge=-1e18, le=1e18), Unit("m/s")]
     plane: Mode | None = None
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if isinstance(self.plane, Climb):
-            raise reject("plane", str(self.plane), "a mode of the plane")
-
-    def _after(self, word: str, rate: str = "") -> str:
-        """Return a word of the mode of the plane, and what the height does."""
-        side = "climb" if self.rate > 0.0 else "descend" if self.rate else "level"
-        return f"{word} {side} {rate if self.rate else ''}".strip()
+    @property
+    def _side(self) -> str:
+        return "climb" if self.rate > 0.0 else "descend" if self.rate else "level"
 
     @property
     def planar(self) -> Mode:
         """See `Mode.planar`."""
-        return Straight() if self.plane is None else self.plane
+        return self.plane or Straight()
 
     @property
     def name(self) -> str:
         """See `Mode.name`."""
-        return self._after(self.plane.name if self.plane else "", f"{abs(self.rate):.15g}")
-
-    @property
-    def label(self) -> str:
-        """See `Mode.label`."""
-        return self._after(self.planar.label, f"{abs(self.rate):g}")
+        rate = f" {abs(self.rate):.15g}" if self.rate else ""
+        return f"{self.planar.name} {self._side}{rate}"
 
     @property
     def type(self) -> str:
         """The types of both."""
-        return self._after(self.planar.type)
+        return f"{self.planar.type} {self._side}"
 
     @property
     def signed_radius(self) -> float:
@@ -330,17 +320,13 @@ class Climb(Mode):
         return self.planar.matrices(tau)
 
 
-def with_heights(modes: Sequence[Mode]) -> list[Mode]:
+def with_heights(modes: list[Mode]) -> list[Mode]:
     """Return the modes of pairs, if one of them climbs, descends or is level."""
     climbs = [mode for mode in modes if isinstance(mode, Climb)]
     planes = [mode for mode in modes if not isinstance(mode, Climb)]
-    if not climbs:
-        return planes
-    rates = [mode.rate for mode in climbs if mode.plane is None]
-    if rates and not planes:
-        planes = [Straight()]
-    pairs = [Climb(rate, plane) for plane in planes for rate in dict.fromkeys([0.0, *rates])]
-    return [*pairs, *(mode for mode in climbs if mode.plane is not None)]
+    rates = dict.fromkeys([0.0, *(mode.rate for mode in climbs if mode.plane is None)])
+    pairs: list[Mode] = [Climb(rate, plane) for plane in planes for rate in rates]
+    return [*pairs, *(mode for mode in climbs if mode.plane)] if climbs else modes
 
 
 def as_tuples(array: FloatArray) -> tuple[Any, ...]:
@@ -409,9 +395,9 @@ def mode_of_text(text: Any) -> Mode | None:
     words = " ".join(text.split()) if type(text) is str else ""
     if match := re.fullmatch(r"(.*?) ?\b(?:level|(climb|descend) ?([-+\d.]\S*))", words):
         with suppress(TypeError, ValueError):
-            plane = mode_of_text(match[1])
-            rate = float(match[3] or 0.0) * (-1.0 if match[2] == "descend" else 1.0)
-            return Climb(rate, plane) if plane or not match[1] else None
+            plane, rate = mode_of_text(match[1]), float(match[3] or 0.0)
+            if plane or not match[1]:
+                return Climb(-rate if match[2] == "descend" else rate, plane)
         return None
     match = re.fullmatch(r"([a-z]+(?: [a-z]+)*) ?([-+\d.]\S*)?", words)
     if match is None:

@@ -8,9 +8,6 @@ import numpy as np
 from hybrid_env.checks import AnyArray, FloatArray, check_integer, reject
 from hybrid_env.core.observation_row import LENGTH_SCALE, LOG_SCALE, TICK_SCALE, VELOCITY_SCALE
 
-# Height features with a value for each hypothesis.
-HEIGHT_BLOCKS = {"innovation_up", "log_variance_up"}
-
 
 class Layout:
     """Position and scale of each quantity in an observation of `HybridTrackEnv` with M hypotheses.
@@ -54,14 +51,14 @@ class Layout:
     height_features: ClassVar[dict[str, float]] = {
         "innovation_up": 1.0,
         "log_variance_up": 1.0,
-        "displacement_up": LENGTH_SCALE,
+        "climb": 1.0,
     }
 
     def __init__(self, hypotheses: int, climbs: bool = False):
         self.hypotheses = check_integer("hypotheses", hypotheses, minimum=2)
         self.slices: dict[str, slice] = {}
         self.scales = self.scales_by_name() | (self.height_features if climbs else {})
-        blocks = {*self.hypothesis_features, *HEIGHT_BLOCKS}
+        blocks = (*self.hypothesis_features, "innovation_up", "log_variance_up")
         start = 0
         for name in self.scales:
             size = hypotheses if name in blocks else 1
@@ -80,14 +77,12 @@ class Layout:
         """Return the layout of observations of a given width, one of the plane if there are two,
         which is not so for `Layout` and `QuickestLayout`. Raises `ArgumentError` if there is none.
         """
-        further = len(HEIGHT_BLOCKS & cls.height_features.keys())
         for climbs in (False, True):
-            blocks = len(cls.hypothesis_features) + climbs * further
-            singles = len(cls.track_features) + climbs * (len(cls.height_features) - further)
+            least, step = cls(2, climbs).width, cls(3, climbs).width - cls(2, climbs).width
             # Without blocks the width does not depend on the number of hypotheses.
-            hypotheses, rest = divmod(width - singles, blocks) if blocks else (3, width - singles)
-            if not rest and hypotheses >= 2:
-                return cls(hypotheses, climbs)
+            more, rest = divmod(width - least, step) if step else (1, width - least)
+            if not rest and more >= 0:
+                return cls(2 + more, climbs)
         blocks, singles = len(cls.hypothesis_features), len(cls.track_features)
         raise reject("width", width, f"{blocks} M + {singles} for M = 2, 3, 4, ... hypotheses")
 
@@ -139,11 +134,6 @@ class QuickestLayout(Layout):
         "stated_ticks": TICK_SCALE,
         "measured": 1.0,
     }
-    height_features: ClassVar[dict[str, float]] = {
-        "innovation_up": 1.0,
-        "log_variance_up": 1.0,
-        "climb": 1.0,
-    }
 
 
 class RawLayout(Layout):
@@ -179,7 +169,7 @@ class StateLayout(Layout):
         "ticks_left": TICK_SCALE,
         "log_noise": 1.0,
     }
-    height_features: ClassVar[dict[str, float]] = {"position_up": LENGTH_SCALE, "velocity_up": 1.0}
+    height_features: ClassVar[dict[str, float]] = {}
 
 
 class InnovationsLayout(Layout):

@@ -14,12 +14,13 @@ from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
 from hybrid_env.checks import AnyArray, BoolArray, Float32Array, FloatArray, IntArray, reject
-from hybrid_env.core.bank_ticks import read_bank_ticks
+from hybrid_env.core.bank_ticks import full_matrices, read_bank_ticks
 from hybrid_env.core.errors import ArgumentError
 from hybrid_env.core.kernels import RESET, STEP, entry_point
 from hybrid_env.core.memory import (
     DECISION,
     DECISION_FLAGS,
+    HEIGHT_NAMES,
     LANES,
     PARAMETERS,
     Arrays,
@@ -81,7 +82,8 @@ class World:
             raise reject("bank_info", bank_info, "False with unknown switches")
         self.options = options
         self.live = live
-        self.layout = options.layout
+        self.layout = options.layout_class(options.hypotheses, options.climbs)
+        self.tick_names = options.tick_names + HEIGHT_NAMES * options.climbs
         self.threads = min(threads, -(-tracks // LANES))
         parameters = np.zeros(1, PARAMETERS)
         fields = options.parameters()
@@ -241,7 +243,7 @@ class World:
 
     def _flatten_blocks(self, values: AnyArray) -> AnyArray:
         """Reshape a field of all blocks, (B, ..., LANES), to (N, ...)."""
-        by_lane = values if values.ndim == 2 else values.swapaxes(1, 2)
+        by_lane = np.moveaxis(values, -1, 1)
         return by_lane.reshape(-1, *by_lane.shape[2:])[: self.actions.size]
 
     def hypothesis_values(self) -> FloatArray:
@@ -252,7 +254,7 @@ class World:
 
     def copy_tick(self) -> dict[str, AnyArray]:
         """Return copies of the current tick of every track by their names in `info`, (N, ...)."""
-        ticks = {name: self.field(name) for name in self.options.names_of_tick}
+        ticks = {name: self.field(name) for name in self.tick_names}
         ticks[self.options.hypothesis_field] = self.hypothesis_values()
         return ticks | {name: array.copy() for name, array in self.drawn.items()}
 
@@ -261,8 +263,12 @@ class World:
         is not recorded.
         """
         told = read_bank_ticks(self.bank_ticks) if self.bank_ticks.size else {}
-        plane = [name for name in told if not name.startswith("height")]
-        return told if self.options.climbs else {name: told[name] for name in plane}
+        if told and self.options.climbs:
+            heights = self._flatten_blocks(self.bank.heights.copy())
+            told["heights"], told["height_innovations"] = heights[..., :2], heights[..., 5]
+            told["height_covariances"] = full_matrices(heights[..., 2:5], 2)
+            told["height_innovation_variances"] = heights[..., 6]
+        return told
 
     @property
     def drawn(self) -> dict[str, FloatArray]:

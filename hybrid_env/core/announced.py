@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_env.core.bank_ticks import write_corrected, write_height_ticks, write_innovations
+from hybrid_env.core.bank_ticks import write_corrected, write_innovations
 from hybrid_env.core.banks import operations
 from hybrid_env.core.banks.bank import (
     IDENTITY,
@@ -16,7 +16,7 @@ from hybrid_env.core.banks.bank import (
     likeliest_of_type,
     motions_of,
 )
-from hybrid_env.core.banks.height import begin_heights, follow_height, merge_heights, step_heights
+from hybrid_env.core.banks.height import begin_heights, estimate_heights, step_heights
 from hybrid_env.core.banks.posterior import (
     NOTHING,
     by_likelihood,
@@ -55,7 +55,6 @@ from hybrid_env.core.true_object import (
     MODE,
     begin_motion,
     draw_first_estimate,
-    draw_first_height,
     move,
     move_lane,
 )
@@ -69,7 +68,7 @@ def _merge(block: Any, bank: Any, first: int, last: int) -> None:
     """Write the estimates of lanes first .. last - 1, merged over the bank, to the block."""
     compare(bank, by_likelihood, first, last)
     write_mean(bank, block, first, last)
-    merge_heights(bank, block, first, last)
+    estimate_heights(bank, block, -1, first, last)
 
 
 @internal
@@ -80,7 +79,7 @@ def _record_estimate(block: Any, lane: int, bank: Any, trace: FloatArray, merged
     if not merged:
         estimate = estimate_of(bank.hypotheses, block.active_mode[lane], lane)
         write_lane(block.estimate, lane, estimate)
-        follow_height(bank, block, block.active_mode[lane], lane)
+        estimate_heights(bank, block, block.active_mode[lane], lane, lane + np.uint64(1))
     error_x = block.estimate[0, lane] - block.truth[0, lane]
     error_y = block.estimate[2, lane] - block.truth[2, lane]
     block.squared_error[lane] += error_x * error_x + error_y * error_y
@@ -101,7 +100,7 @@ def begin_bank(block: Any, lane: int, bank: Any, radii: FloatArray, setting: Any
         # Its anchor is exact.
         covariance = NOTHING
     operations.begin(bank, lane, anchor, covariance, radii, setting)
-    begin_heights(bank, block, lane, setting.oracle)
+    begin_heights(bank, block, lane)
     block.tick[lane] = 0
 
 
@@ -122,6 +121,9 @@ def _begin_segment(block: Any, lane: int, bank: Any, arrays: Any, setting: Any) 
     begin_motion(block, lane, table[row], motions_of(bank), setting.tau)
     for k in range(4):
         block.anchor[k, lane] = block.truth[k, lane] if setting.oracle else block.estimate[k, lane]
+    if setting.oracle:
+        block.height_estimate[0, lane] = block.true_height[0, lane]
+        block.height_covariance[0, lane] = 0.0
     begin_bank(block, lane, bank, arrays.radii, setting)
     block.squared_error[lane] = 0.0
 
@@ -137,7 +139,7 @@ def run_on(block: Any, lane: int, bank: Any, arrays: Any, setting: Any) -> None:
     lowest, stop = (0, bank.hypotheses.size) if setting.merged else (chosen, chosen + 1)
     last, model = lane + np.uint64(1), filter_model(setting)
     operations.step(bank, lowest, stop, lane, last, block, arrays.sensors, model)
-    step_heights(bank, lowest, stop, lane, last, block, model)
+    step_heights(bank, lowest, stop, lane, last, block.height, model)
     if not setting.merged:
         kalman.log_likelihood[lane] = before
 
@@ -172,7 +174,7 @@ def set_anchor(block: Any, lane: int, bank: Any, merged: bool) -> None:
         chosen = block.active_mode[lane]
         write_lane(block.estimate, lane, estimate_of(bank.hypotheses, chosen, lane))
         write_lane(block.covariance, lane, operations.covariance(bank, chosen, lane))
-        follow_height(bank, block, chosen, lane)
+        estimate_heights(bank, block, chosen, lane, lane + np.uint64(1))
 
 
 @inlined
@@ -242,8 +244,6 @@ def prepare_lane(reset: bool, block: Any, lane: int, i: int, bank: Any, setting:
         arrays.decision_flags[:, i] = False
     if reset or arrays.terminated[i]:
         draw_first_estimate(block, arrays.scratch[0].noise, lane, setting)
-        if setting.height_rows > 0:
-            draw_first_height(block, arrays.scratch[0].noise, lane, setting)
         block.segment[lane] = 0
         # Golubkov 2018, algorithm 1, line 2.
         block.active_mode[lane] = 0
@@ -279,10 +279,9 @@ def _step_bank(b: int, block: Any, bank: Any, first: int, last: int, setting: An
     if setting.bank_rows > 0:
         write_innovations(arrays.bank_ticks, b, block, first, last, bank, setting)
     operations.step(bank, 0, bank.hypotheses.size, first, last, block, arrays.sensors, model)
-    step_heights(bank, 0, bank.hypotheses.size, first, last, block, model)
+    step_heights(bank, 0, bank.hypotheses.size, first, last, block.height, model)
     if setting.bank_rows > 0:
         write_corrected(arrays.bank_ticks, b, first, last, bank)
-        write_height_ticks(bank, arrays.bank_ticks, b, block, first, last)
     if setting.merged:
         _merge(block, bank, first, last)
 
@@ -322,7 +321,7 @@ def write_rows(
             mask_declarations(arrays.action_mask[b * LANES + lane], others[lane], setting)
     for lane in range(first, last):
         row = arrays.observations[b * LANES + lane]
-        write_heights(bank, row, block, lane, True, setting)
+        write_heights(bank, row, block, lane, setting)
         if setting.observation != BANK_ROW:
             write_twin(row, block, lane, bank, setting)
             continue

@@ -9,13 +9,11 @@ import numpy as np
 
 from hybrid_env.core.banks import operations
 from hybrid_env.core.banks.bank import estimate_of, filter_model
-from hybrid_env.core.banks.height import where_heights
 from hybrid_env.core.compilation import seldom, stay_apart
 from hybrid_env.core.memory import BANK_COLUMNS, LANES, FloatArray
 
 ESTIMATES = BANK_COLUMNS["innovations"] + BANK_COLUMNS["innovation_covariances"]
 COVARIANCES = ESTIMATES + BANK_COLUMNS["estimates"]
-HEIGHTS = COVARIANCES + BANK_COLUMNS["covariances"]
 
 
 @seldom
@@ -63,31 +61,10 @@ def write_corrected(bank_ticks: FloatArray, b: int, first: int, last: int, bank:
                 row[COVARIANCES + k] = value
 
 
-@seldom
-def _write_height_ticks(
-    bank: Any, bank_ticks: FloatArray, b: int, block: Any, first: int, last: int
-) -> None:
-    """Write the same of the heights, with their innovations."""
-    stay_apart()
-    for lane in range(first, last):
-        for h in range(bank.heights.size):
-            row, kalman = bank_ticks[b * LANES + lane, h, HEIGHTS:], bank.heights[h]
-            row[0], row[1] = kalman.state[0, lane], kalman.state[1, lane]
-            for k in range(3):
-                row[2 + k] = kalman.covariance[k, lane]
-            missing = math.isnan(block.height[lane])
-            row[5] = np.nan if missing else kalman.innovation[lane]
-            row[6] = kalman.variance[lane]
-
-
-write_height_ticks = where_heights(_write_height_ticks)
-
-
 def read_bank_ticks(rows: FloatArray) -> dict[str, FloatArray]:
     """Return copies of the columns of rows, (..., M, columns), by their names in `info`: (..., M,
     2) innovations, (..., M, 2, 2) their covariances, (..., M, 4) estimates, (..., M, 4, 4)
-    covariances; heights (..., M, 2), their covariances (..., M, 2, 2), and innovations and their
-    variances, (..., M).
+    covariances.
     """
     ends = np.cumsum(list(BANK_COLUMNS.values()))
     parts = dict(zip(BANK_COLUMNS, np.split(rows, ends[:-1], axis=-1), strict=True))
@@ -96,10 +73,6 @@ def read_bank_ticks(rows: FloatArray) -> dict[str, FloatArray]:
         "innovation_covariances": full_matrices(parts["innovation_covariances"], 2),
         "estimates": parts["estimates"].copy(),
         "covariances": full_matrices(parts["covariances"], 4),
-        "heights": parts["heights"].copy(),
-        "height_covariances": full_matrices(parts["height_covariances"], 2),
-        "height_innovations": parts["height_innovations"][..., 0].copy(),
-        "height_innovation_variances": parts["height_innovation_variances"][..., 0].copy(),
     }
 
 

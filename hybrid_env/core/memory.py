@@ -111,6 +111,7 @@ MEASURED_FIELDS = {
 # What the sensors measure in a tick.
 MEASURED = lanes_of(**MEASURED_FIELDS)
 
+# Of a track whose modes climb or descend.
 HEIGHT_FIELDS = {
     # True height and its rate [m, m/s].
     "true_height": (float, 2),
@@ -118,12 +119,11 @@ HEIGHT_FIELDS = {
     "height": float,
     # Of the estimate at the switch [m].
     "anchor_height": float,
-    # [z, vz] of the active filter, or merged over the bank, and its covariance zz, zv, vv.
+    # Of the active filter, or merged over the bank, and its covariance zz, zv, vv.
     "height_estimate": (float, 2),
     "height_covariance": (float, 3),
 }
-# Of a track whose modes climb or descend.
-HEIGHT_NAMES = ("true_height", "height", "anchor_height", "height_estimate")
+HEIGHT_NAMES = ("true_height", "height", "height_estimate")
 """What `info` then tells of the current tick too."""
 
 # In `info` of ticks with a measurement only.
@@ -185,19 +185,9 @@ BLOCK = lanes_of(
 """State of `LANES` tracks."""
 
 
-BANK_COLUMNS = {
-    "innovations": 2,
-    "innovation_covariances": 3,
-    "estimates": 4,
-    "covariances": 10,
-    "heights": 2,
-    "height_covariances": 3,
-    "height_innovations": 1,
-    "height_innovation_variances": 1,
-}
+BANK_COLUMNS = {"innovations": 2, "innovation_covariances": 3, "estimates": 4, "covariances": 10}
 """Columns of what is told of a filter at a tick: innovation (x, y) [m], upper triangles of
-covariances row by row, and the corrected estimate [x, vx, y, vy] [m, m/s]; and the same of its
-height [z, vz], if modes climb or descend.
+covariances row by row, and the corrected estimate [x, vx, y, vy] [m, m/s].
 """
 
 DECISION = ("decided_mode", "decided_true_mode", "ticks", "decided_length", "decided_squared_error")
@@ -488,15 +478,10 @@ class AnchorAwareBank(NamedTuple):
     likelihoods: Any = LIKELIHOODS
 
 
-HEIGHT_FILTER = lanes_of(
-    # [z, vz] [m, m/s], and its covariance zz, zv, vv.
-    state=(float, 2),
-    covariance=(float, 3),
-    # Of the current tick, 0 without a measurement [m], and its variance.
-    innovation=float,
-    variance=float,
-)
-"""The filter of the height of one hypothesis, see `banks.height`."""
+HEIGHTS = Array(np.float64, ("blocks_count", "height_rows", 7, LANES), "block")
+"""The filters of the heights of the hypotheses, see `banks.height`: estimate [z, vz] [m, m/s], its
+covariance zz, zv, vv, innovation of the tick, NaN without a measurement, and its variance.
+"""
 
 
 class DenseBank(NamedTuple):
@@ -507,7 +492,7 @@ class DenseBank(NamedTuple):
     sums: Any = SUMS
     likelihoods: Any = LIKELIHOODS
     motions: Any = Array(MOTION, ("modes",), "options")
-    heights: Any = Array(HEIGHT_FILTER, ("blocks_count", "height_rows"), "block")
+    heights: Any = HEIGHTS
 
 
 IMM_HYPOTHESIS = lanes_of(
@@ -548,8 +533,8 @@ class DenseImmBank(NamedTuple):
     motions: Any = Array(MOTION, ("modes",), "options")
     # Probability of a mode (column) in a tick by that in the tick before.
     transitions: Any = Array(np.float64, ("modes", "modes"), "options")
-    heights: Any = Array(HEIGHT_FILTER, ("blocks_count", "height_rows"), "block")
-    mixed_heights: Any = Array(HEIGHT_FILTER, ("height_rows",), "thread")
+    heights: Any = HEIGHTS
+    mixed_heights: Any = Array(np.float64, HEIGHTS.sizes[1:], "thread")
 
 
 BANKS: dict[str, type] = {

@@ -250,38 +250,28 @@ def write_quickest_row(
 
 @seldom
 def _write_heights(
-    bank: Any, row: NDArray[np.float32], block: Any, lane: int, anchored: bool, setting: Any
+    bank: Any, row: NDArray[np.float32], block: Any, lane: int, setting: Any
 ) -> None:
     """Write the values at the end of a row that modes with a climb have besides, in the order of
-    `Layout.height_features`. anchored: switches are announced.
+    `Layout.height_features`.
     """
     stay_apart()
-    M = bank.heights.size
-    if M == 0:
+    M, last, kind = len(bank.heights), setting.width - 1, setting.observation
+    if M == 0 or kind == STATE_ROW:
         return
     whitener = 1.0 / math.sqrt(setting.height_variance)
-    height, anchor = block.height[lane], block.anchor_height[lane]
-    if setting.observation == STATE_ROW:
-        up = row[setting.width - 2 :]
-        up[0] = LENGTH_SCALE * whitener * (block.true_height[0, lane] - anchor)
-        up[1] = setting.tau * whitener * block.true_height[1, lane]
+    if kind == RAW_ROW:
+        shift = LENGTH_SCALE * whitener * (block.height[lane] - block.anchor_height[lane])
+        row[last] = 0.0 if math.isnan(shift) else shift
         return
-    if math.isnan(height):
-        height = anchor
-        if setting.observation == BANK_ROW:
-            height = bank.heights[likeliest(bank.hypotheses, lane)].state[0, lane]
-    last = LENGTH_SCALE * whitener * (height - anchor)
-    if setting.observation != RAW_ROW:
-        up = row[setting.width - (M if setting.observation == INNOVATIONS_ROW else 2 * M + 1) :]
-        for h in range(M):
-            kalman = bank.heights[h]
-            white = kalman.innovation[lane] / math.sqrt(kalman.variance[lane])
-            up[h] = max(min(white, LARGEST), -LARGEST)
-            if setting.observation == BANK_ROW:
-                up[M + h] = max(log(kalman.variance[lane] * whitener * whitener), 0.0)
-    if setting.observation != INNOVATIONS_ROW:
-        climb = setting.tau * whitener * block.height_estimate[1, lane]
-        row[setting.width - 1] = last if anchored else climb
+    row[last] = setting.tau * whitener * block.height_estimate[1, lane]
+    up = row[last - 2 * M if kind == BANK_ROW else last + 1 - M :]
+    for h in range(M):
+        innovation, variance = bank.heights[h, 5, lane], bank.heights[h, 6, lane]
+        white = max(min(innovation / math.sqrt(variance), LARGEST), -LARGEST)
+        up[h] = 0.0 if math.isnan(innovation) else white
+        if kind == BANK_ROW:
+            up[M + h] = max(log(variance * whitener * whitener), 0.0)
 
 
 write_heights = where_heights(_write_heights)

@@ -51,17 +51,9 @@ def draw_first_estimate(block: Any, noise: FloatArray, lane: int, setting: Any) 
     for k, variance in enumerate((xx, vv, yy, vv)):
         block.estimate[k, lane] = block.truth[k, lane] + math.sqrt(variance) * noise[k, lane]
     write_lane(block.covariance, lane, (xx, 0.0, 0.0, 0.0, vv, 0.0, 0.0, yy, 0.0, vv))
-
-
-@seldom
-def draw_first_height(block: Any, noise: FloatArray, lane: int, setting: Any) -> None:
-    """Do what `draw_first_estimate` does for the height; its rate follows from the mode."""
-    stay_apart()
-    draw_normals(block.random_state, noise, lane, lane + np.uint64(1), None)
-    variance = setting.initial_position * setting.height_variance
-    block.true_height[0, lane] = 0.0
-    write_lane(block.height_estimate, lane, (math.sqrt(variance) * noise[0, lane], 0.0))
-    write_lane(block.height_covariance, lane, (variance, 0.0, 0.0))
+    # The first height is known.
+    block.true_height[0, lane] = block.height_estimate[0, lane] = 0.0
+    block.height_covariance[0, lane] = 0.0
 
 
 @internal
@@ -239,14 +231,13 @@ def _climb(block: Any, noise: FloatArray, first: int, last: int, setting: Any) -
     position is measured. The rate changes by process noise alone.
     """
     stay_apart()
-    draw_noise(block.random_state, noise, first, last, setting)
+    draw_normals(block.random_state, noise, first, last, None)
     for lane in range(first, last):
-        height = block.true_height[0, lane] + setting.tau * block.true_height[1, lane]
-        block.true_height[0, lane] = height
+        rate = block.true_height[1, lane]
+        block.true_height[0, lane] += setting.tau * rate
         block.true_height[1, lane] += math.sqrt(setting.climb_variance) * noise[0, lane]
-        error = math.sqrt(setting.height_variance) * noise[2, lane]
-        missing = math.isnan(block.measurement[0, lane])
-        block.height[lane] = np.nan if missing else height + error
+        measured = block.true_height[0, lane] + math.sqrt(setting.height_variance) * noise[1, lane]
+        block.height[lane] = np.nan if math.isnan(block.measurement[0, lane]) else measured
 
 
 @internal

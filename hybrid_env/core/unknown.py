@@ -15,7 +15,7 @@ from hybrid_env.core.kernel import HALTED, TERMINATED
 from hybrid_env.core.memory import LANES, arrays_of
 from hybrid_env.core.noise import integer_below, uniform
 from hybrid_env.core.observation_row import write_heights, write_quickest_row, write_trace
-from hybrid_env.core.true_object import begin_motion, draw_first_estimate, draw_first_height, move
+from hybrid_env.core.true_object import begin_motion, draw_first_estimate, move
 
 # Halves of the table of durations.
 FIRST_DURATIONS, OTHER_DURATIONS = 0, 1
@@ -51,8 +51,6 @@ def _begin_episode(block: Any, lane: int, i: int, bank: Any, arrays: Any, settin
     if setting.drawn_modes > 0:
         draw_order(block.random_state, lane, arrays.drawn_order[i])
     draw_first_estimate(block, arrays.scratch[0].noise, lane, setting)
-    if setting.height_rows > 0:
-        draw_first_height(block, arrays.scratch[0].noise, lane, setting)
     mode = integer_below(block.random_state, lane, arrays.table.shape[0])
     block.segment[lane] = 0
     block.time[lane] = 0
@@ -148,7 +146,7 @@ def write_rows(
     for lane in range(first, last):
         row = arrays.observations[b * LANES + lane]
         write_quickest_row(row, block, lane, bank, setting)
-        write_heights(bank, row, block, lane, False, setting)
+        write_heights(bank, row, block, lane, setting)
 
 
 @internal

@@ -100,7 +100,7 @@ def kind_of(decider: Decider, task: Task) -> str:
         return "classical"
     if decider.observes == "tracks":
         return "recurrent"
-    rows = np.zeros((1, task.options.layout.width), np.float32)
+    rows = np.zeros((1, task.options.layout_class(task.options.hypotheses).width), np.float32)
     _, state = decider.predict(rows, None, np.ones(1, np.bool_))
     return "memoryless" if state is None else "recurrent"
 

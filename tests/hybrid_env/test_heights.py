@@ -66,9 +66,8 @@ class SpatialFilter(MatrixFilter):
 
     def __init__(self, plane, options, rate, height, variance):
         self.plane, self.tau = plane, options.tau
-        climb, noise = options.height_variances
-        self.noise = np.diag([0.0, climb])
-        self.R = np.diag([*np.broadcast_to(options.variances, 2), noise])
+        self.noise = np.diag([0.0, options.climb_variance])
+        self.R = np.diag([*np.broadcast_to(options.variances, 2), options.height_variance])
         self.x = np.append(plane.x, [height, rate])
         self.P = linalg.block_diag(plane.P, np.diag([variance, 0.0]))
         self.log_likelihood = 0.0
@@ -128,18 +127,18 @@ def test_the_bank_equals_literal_filters_of_six_states_through_episodes(options)
     for _ in range(27):
         for i in range(LANES):
             if info["tick"][i] == 1:
-                anchor = np.append(info["anchor"][i], info["anchor_height"][i])
+                anchor = np.append(info["anchor"][i], env.world.field("anchor_height")[i])
                 if banks[i] is not None:
                     last = banks[i][info["decided_mode"][i]]
                     agree(anchor, last.x[last.places[:5]], "anchor")
                 filters = filters_of_modes(env, i, matrices)
-                variance = 0.3 * 0.5 if banks[i] is None else last.P[-2, -2]
+                variance = 0.0 if banks[i] is None else last.P[-2, -2]
                 banks[i] = [
                     SpatialFilter(
                         copy.deepcopy(filters[list(matrices).index(mode.planar)]),
                         env.options,
                         mode.rate,
-                        info["anchor_height"][i],
+                        anchor[4],
                         variance,
                     )
                     for mode in modes
@@ -176,7 +175,7 @@ class ImmOfPairs(ImmOfModes):
             np.append(x, [start[0], mode.rate]) for x, mode in zip(self.states, pairs, strict=True)
         ]
         self.covariances = [linalg.block_diag(P, np.zeros((2, 2))) for P in self.covariances]
-        self.R = np.diag([*np.broadcast_to(options.variances, 2), options.height_variances[1]])
+        self.R = np.diag([*np.broadcast_to(options.variances, 2), options.height_variance])
 
     def mixed(self, j, weights):
         """Return state and covariance in which filter j begins a tick."""
@@ -199,7 +198,7 @@ class ImmOfPairs(ImmOfModes):
         """Return the prediction of filter j."""
         state, spread = super().predicted(j, x[:6], P[:6, :6])
         rising = np.array([[1.0, self.tau], [0.0, 1.0]])
-        noise = np.diag([0.0, self.options.height_variances[0]])
+        noise = np.diag([0.0, self.options.climb_variance])
         risen = rising @ P[6:, 6:] @ rising.T + noise
         return np.append(state, rising @ x[6:]), linalg.block_diag(spread, risen)
 
@@ -353,8 +352,7 @@ def test_text_and_objects_name_the_same_pairs():
         "straight descend",
         "left level",
     ]
-    # Without a mode of the plane the object moves straight; a pair makes the others level.
-    assert [str(mode) for mode in parse_modes("climb 2")] == ["straight level", "straight climb 2"]
+    # A pair makes the others level.
     assert [str(mode) for mode in parse_modes("straight, left 5 descend 2")] == [
         "straight level",
         "left 5 descend 2",
@@ -383,8 +381,7 @@ def test_what_is_not_allowed_is_refused_in_one_line(given, reason):
     assert message.isprintable()
 
 
-def test_climbs_of_climbs_and_simulations_of_them_are_refused():
-    assert refused(Climb, 1.0, Climb(2.0)).startswith("plane='climb 2'")
+def test_simulations_of_climbs_are_refused():
     assert "modes of the plane" in refused(
         simulate, "9 straight climb 1, 9 straight level", modes="straight, climb 1"
     )
@@ -423,29 +420,24 @@ def test_rows_tell_of_the_height_what_is_true():
         info = seen["bank"][-1]
         measured = ~np.isnan(envs["bank"].world.field("height"))
         assert (measured == info["_height"]).all()
-        likeliest = info["log_likelihood"].argmax(1)
-        filled = np.where(measured, info["height"], info["heights"][range(tracks), likeliest, 0])
+        anchor = envs["bank"].world.field("anchor_height")
         variance = info["height_innovation_variances"]
         known = {
             "innovation_up": info["height_innovations"] / np.sqrt(variance),
             "log_variance_up": np.log(variance / 0.04),
-            "displacement_up": (filled - info["anchor_height"]) / 0.2,
-            "position_up": (info["true_height"][:, 0] - info["anchor_height"]) / 0.2,
-            "velocity_up": 0.1 * info["true_height"][:, 1] / 0.2,
+            "climb": 0.1 * info["height_estimate"][:, 1] / 0.2,
+            "displacement_up": np.where(measured, info["height"] - anchor, 0.0) / 0.2,
         }
         for name, layout in TWINS.items():
             rows, env = seen[name][0], envs[name]
             assert env.observation_space.contains(rows)
             assert env.world.layout.width == rows.shape[1]
             for feature in layout.height_features:
-                expected = known[feature]
-                if name == "raw":
-                    expected = np.where(measured, expected, 0.0)
-                read = env.world.layout.read(rows, feature)
+                read, expected = env.world.layout.read(rows, feature), known[feature]
                 np.testing.assert_allclose(read, expected, rtol=1e-5, atol=1e-5, err_msg=feature)
         seen = {name: env.step(np.zeros(tracks, np.int64)) for name, env in envs.items()}
     for layout, options in ((Layout, WorldOptions), (QuickestLayout, QuickestOptions)):
-        made = options(modes=TEXT).layout
+        made = layout(options(modes=TEXT).hypotheses, climbs=True)
         assert layout.of_width(made.width).slices == made.slices
         widths = {layout(M).width for M in range(2, 1001)}
         assert widths.isdisjoint({layout(M, True).width for M in range(2, 1001)})
@@ -468,6 +460,7 @@ def test_rows_with_heights_are_the_same_in_any_units(make, options):
             process_variance=0.001 * v**2,
             measurement_variance=0.1 * m**2,
             climb_variance=0.002 * v**2,
+            height_variance=0.1 * m**2,
             initial_error=(0.3, 0.02 * v**2),
             missed=0.1,
             **options,
@@ -491,7 +484,7 @@ def test_the_height_of_the_next_anchor_is_that_of_the_decision(follow):
     if follow == "declared":
         weights = np.eye(9)[info["decided_mode"]]
     heights = (weights * last["heights"][..., 0]).sum(1)
-    np.testing.assert_allclose(info["anchor_height"], heights, rtol=1e-12)
+    np.testing.assert_allclose(env.world.field("anchor_height"), heights, rtol=1e-12)
     spread = (
         last["height_covariances"][..., 0, 0] + (last["heights"][..., 0] - heights[:, None]) ** 2
     )

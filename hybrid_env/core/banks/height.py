@@ -4,10 +4,10 @@ rate of its mode, which then changes by process noise alone:
 
     z' = z + tau vz,  vz' = vz + w,  w ~ N(0, climb_variance)
 
-The height is measured with an error that is independent of those in the plane, so that the
-log-likelihoods of both filters add up. With unknown switches they are mixed as those of the plane,
-see `imm`. A bank of modes that neither climb nor descend has none of these filters, and others
-never have: the operations then do nothing.
+The height is measured with a normal error that is independent of those in the plane, so that the
+log-likelihoods of both filters add up. Mixtures of filters, with unknown switches or with
+`follow="bank"`, leave plane and height uncorrelated. A bank of modes that neither climb nor descend
+has none of these filters, and others never have: the operations then do nothing.
 """
 
 import math
@@ -16,14 +16,8 @@ from typing import Any
 from hybrid_env.core.banks.filter import LOG_TWO_PI, condition_x
 from hybrid_env.core.compilation import formula, internal, seldom, selected, stay_apart
 from hybrid_env.core.elementary import exp, log
-from hybrid_env.core.memory import write_lane
-from hybrid_env.core.vectors import combination, minus_square, sandwich
-
-# Smaller log probabilities count as this one.
-NEGLIGIBLE = -700.0
-
-Rising = tuple[tuple[float, float], tuple[float, float, float]]
-"""[z, vz] and its covariance zz, zv, vv."""
+from hybrid_env.core.memory import FloatArray, four_of, write_lane
+from hybrid_env.core.vectors import Vector, combination, minus_square, sandwich, widened
 
 
 def where_heights(operation: Any) -> Any:
@@ -39,152 +33,106 @@ def where_heights(operation: Any) -> Any:
 
 
 @formula
-def _read(kalman: Any, lane: int) -> Rising:
-    """Return state and covariance of a filter."""
-    p = kalman.covariance
-    return (kalman.state[0, lane], kalman.state[1, lane]), (p[0, lane], p[1, lane], p[2, lane])
-
-
-@formula
-def _write(kalman: Any, lane: int, rising: Rising) -> None:
-    """Set state and covariance of a filter."""
-    write_lane(kalman.state, lane, rising[0])
-    write_lane(kalman.covariance, lane, rising[1])
+def _moments(height: FloatArray, lane: int) -> Vector:
+    """Return z, vz and their covariance zz, zv, vv of a filter, (7, LANES)."""
+    return (*four_of(height, 0, lane), height[4, lane])
 
 
 @seldom
-def _begin(bank: Any, block: Any, lane: int, exact: bool) -> None:
-    """Begin the filters of a lane at the estimated height of the block, or with `exact` at the true
-    one.
-    """
+def _begin(bank: Any, block: Any, lane: int) -> None:
+    """Begin the filters of a lane at the estimated height of the block."""
     stay_apart()
-    height = block.true_height[0, lane] if exact else block.height_estimate[0, lane]
+    height, variance = block.height_estimate[0, lane], block.height_covariance[0, lane]
     block.anchor_height[lane] = height
-    variance = 0.0 if exact else block.height_covariance[0, lane]
-    for h in range(bank.heights.size):
-        state = height, bank.motions[h].climb_rate
-        _write(bank.heights[h], lane, (state, (variance, 0.0, 0.0)))
-
-
-@internal
-def _step_filter(kalman: Any, begun: Any, lane: int, measured: Any, model: Any) -> float:
-    """Advance a filter by one tick from the state of `begun`; return the log-likelihood of the
-    measured height, 0 without one. With a freedom > 0 it is that of `sensing`.
-    """
-    (z, vz), p = _read(begun, lane)
-    zz, zv, vv = sandwich(((1.0, model.tau), (0.0, 1.0)), p)
-    z += model.tau * vz
-    vv += model.climb_variance
-    variance = zz + model.height_variance
-    seen = not math.isnan(measured.height[lane])
-    innovation = measured.height[lane] - z if seen else 0.0
-    distance = innovation * innovation / variance
-    likelihood, weight = -0.5 * distance, 1.0
-    if model.freedom > 0.0:
-        likelihood = -0.5 * (model.freedom + 1.0) * log(1.0 + distance / model.freedom)
-        weight = min((model.freedom + 1.0) / (model.freedom + distance), 1.0)
-    # Without a measurement nothing changes.
-    inverse = 1.0 / variance if seen else 0.0
-    left = model.height_variance * inverse if seen else 1.0
-    moved = weight * inverse * innovation
-    # Bounded below, as in the published bank.
-    least = zv * inverse * zv * inverse * model.height_variance
-    after_zz, after_zv, after_vv = condition_x((zz, zv, vv), (zz, zv), left, inverse)
-    state = z + zz * moved, vz + zv * moved
-    _write(kalman, lane, (state, (after_zz, after_zv, max(after_vv, least))))
-    kalman.innovation[lane], kalman.variance[lane] = innovation, variance
-    return likelihood - 0.5 * (LOG_TWO_PI + log(variance)) if seen else 0.0
+    for h in range(len(bank.heights)):
+        rate = bank.motions[h].climb_rate
+        write_lane(bank.heights[h], lane, (height, rate, variance, 0.0, 0.0))
 
 
 @seldom
 def _step(
-    bank: Any, lowest: int, stop: int, first: int, last: int, measured: Any, model: Any
+    bank: Any, lowest: int, stop: int, first: int, last: int, measured: FloatArray, model: Any
 ) -> None:
     """Advance filters lowest .. stop - 1 of lanes first .. last - 1 by one tick, and add to their
-    log-likelihoods. measured: a record with the fields of `memory.HEIGHT_FIELDS`.
+    log-likelihoods. measured: heights, (LANES,), NaN without one.
     """
     stay_apart()
-    for h in range(bank.heights.size):
-        if h < lowest or h >= stop:
-            continue
-        kalman = bank.heights[h]
+    for h in range(lowest, min(stop, len(bank.heights))):
         for lane in range(first, last):
-            added = _step_filter(kalman, kalman, lane, measured, model)
-            bank.hypotheses[h].log_likelihood[lane] += added
+            before = _moments(bank.heights[h], lane)
+            zz, zv, vv = sandwich(((1.0, model.tau), (0.0, 1.0)), before[2:])
+            state = before[0] + model.tau * before[1], before[1]
+            p = widened((zz, zv, vv + model.climb_variance))
+            innovation, variance = measured[lane] - state[0], p[0] + model.height_variance
+            if not math.isnan(innovation):
+                gain, inverse = p[:2], 1.0 / variance
+                distance = innovation * innovation * inverse
+                added = -0.5 * (LOG_TWO_PI + log(variance) + distance)
+                bank.hypotheses[h].log_likelihood[lane] += added
+                state = combination((1.0, innovation * inverse), (state, gain))
+                p = condition_x(p, gain, model.height_variance * inverse, inverse)
+            write_lane(bank.heights[h], lane, (*state, *p, innovation, variance))
 
 
 @internal
-def _mixture(bank: Any, lane: int, mode: int, scale: float) -> Rising:
-    """Return the mixture of the filters of a lane, of weights `likelihoods` times `scale`, in which
-    a mode begins a tick: to it the others bring their height alone. -1 is no mode.
+def _mixture(bank: Any, lane: int, h: int, mixes: bool, scale: float) -> Vector:
+    """Return mean and covariance of the mixture of the filters of a lane, of weights `likelihoods`
+    times `scale`. With `mixes` mode h begins a tick with it, to which others bring their height
+    alone. Differences to filter h lose no digits far from the origin.
     """
-    rate = bank.motions[max(mode, 0)].climb_rate
-    about, mean, spread = _read(bank.heights[max(mode, 0)], lane)[0], (0.0, 0.0), (0.0, 0.0, 0.0)
-    for again in range(2):
-        for g in range(bank.heights.size):
-            weight = scale * bank.likelihoods[g, lane]
-            state, p = _read(bank.heights[g], lane)
-            if mode >= 0 and g != mode:
-                state, p = (state[0], rate), (p[0], 0.0, 0.0)
-            # Differences lose no digits far from the origin.
-            difference = combination((1.0, -1.0), (state, about))
-            if again == 0:
-                mean = combination((1.0, weight), (mean, difference))
-            else:
-                square = minus_square(p, difference, -1.0)
-                spread = combination((1.0, weight), (spread, square))
-        if again == 0:
-            about = combination((1.0, 1.0), (about, mean))
-    return about, spread
+    z, vz = _moments(bank.heights[h], lane)[:2]
+    sums = (0.0, 0.0, 0.0, 0.0, 0.0)
+    for g in range(len(bank.heights)):
+        of = _moments(bank.heights[g], lane)
+        if mixes and g != h:
+            of = (of[0], bank.motions[h].climb_rate, of[2], 0.0, 0.0)
+        difference = of[0] - z, of[1] - vz
+        added = (*difference, *minus_square(of[2:], difference, -1.0))
+        sums = combination((1.0, scale * bank.likelihoods[g, lane]), (sums, added))
+    spread = minus_square(widened(sums[2:]), sums[:2], 1.0)
+    return (z + sums[0], vz + sums[1], *spread)
 
 
 @seldom
-def _merge(bank: Any, block: Any, first: int, last: int) -> None:
-    """Write mean and covariance of the mixture to the block, after `posterior.compare`."""
+def _estimate(bank: Any, block: Any, chosen: int, first: int, last: int) -> None:
+    """Write the estimate of a hypothesis and its covariance to the block; -1 merges all of them,
+    after `posterior.compare`.
+    """
     stay_apart()
-    if bank.heights.size > 0:
-        for lane in range(first, last):
-            mean, spread = _mixture(bank, lane, -1, bank.sums[0].inverse[lane])
-            write_lane(block.height_estimate, lane, mean)
-            write_lane(block.height_covariance, lane, spread)
-
-
-@seldom
-def _follow(bank: Any, block: Any, chosen: int, lane: int) -> None:
-    """Write the estimate of one hypothesis to the block, and its covariance."""
-    stay_apart()
-    if bank.heights.size > 0:
-        state, p = _read(bank.heights[chosen], lane)
-        write_lane(block.height_estimate, lane, state)
-        write_lane(block.height_covariance, lane, p)
+    for lane in range(first, last if len(bank.heights) > 0 else first):
+        moments = _moments(bank.heights[max(chosen, 0)], lane)
+        if chosen < 0:
+            sums = bank.sums[0]
+            moments = _mixture(bank, lane, sums.likeliest[lane], False, sums.inverse[lane])
+        write_lane(block.height_estimate, lane, moments[:2])
+        write_lane(block.height_covariance, lane, moments[2:])
 
 
 @seldom
 def _mix(bank: Any, first: int, last: int) -> None:
-    """Write the mixed initial conditions of a tick, after those of the plane."""
+    """Set all filters to their mixed initial conditions of a tick, after those of the plane."""
     stay_apart()
-    modes = bank.heights.size
-    for h in range(modes):
+    modes = range(len(bank.heights))
+    for h in modes:
         for lane in range(first, last):
-            for g in range(modes):
-                before = max(bank.hypotheses[g].log_probability[lane], NEGLIGIBLE)
+            for g in modes:
+                before = max(bank.hypotheses[g].log_probability[lane], -700.0)
                 share = exp(before - bank.mixed[h].log_probability[lane])
                 bank.likelihoods[g, lane] = bank.transitions[g, h] * share
-            _write(bank.mixed_heights[h], lane, _mixture(bank, lane, h, 1.0))
+            write_lane(bank.mixed_heights[h], lane, _mixture(bank, lane, h, True, 1.0))
+    bank.heights[:, :, first:last] = bank.mixed_heights[:, :, first:last]
 
 
 @seldom
-def _step_mixed(bank: Any, first: int, last: int, measured: Any, model: Any) -> None:
-    """Advance all filters from their mixed initial conditions, as those of the plane before."""
+def _weigh(bank: Any, first: int, last: int) -> None:
+    """Write the log probabilities anew, whose likelihoods are now those of both filters."""
     stay_apart()
-    for h in range(bank.heights.size):
+    for h in range(len(bank.heights)):
         kalman = bank.hypotheses[h]
         for lane in range(first, last):
-            mixed = bank.mixed_heights[h]
-            added = _step_filter(bank.heights[h], mixed, lane, measured, model)
-            kalman.log_likelihood[lane] += added
-            kalman.log_probability[lane] += added
+            prior = bank.mixed[h].log_probability[lane]
+            kalman.log_probability[lane] = prior + kalman.log_likelihood[lane]
 
 
-begin_heights, step_heights, merge_heights = map(where_heights, (_begin, _step, _merge))
-follow_height, mix_heights, step_mixed_heights = map(where_heights, (_follow, _mix, _step_mixed))
+begin_heights, step_heights, estimate_heights = map(where_heights, (_begin, _step, _estimate))
+mix_heights, weigh_heights = map(where_heights, (_mix, _weigh))

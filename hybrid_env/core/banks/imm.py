@@ -46,9 +46,10 @@ from hybrid_env.core.banks.filter import (
 )
 from hybrid_env.core.banks.height import (
     begin_heights,
-    merge_heights,
+    estimate_heights,
     mix_heights,
-    step_mixed_heights,
+    step_heights,
+    weigh_heights,
 )
 from hybrid_env.core.banks.posterior import compare, write_covariance, write_mean
 from hybrid_env.core.banks.sensing import correct_by_sensors
@@ -113,7 +114,7 @@ def begin_imm(bank: Any, block: Any, lane: int, known: int) -> None:
         else:
             kalman.log_probability[lane] = 0.0 if h == known else NEGLIGIBLE
         kalman.log_likelihood[lane] = 0.0
-    begin_heights(bank, block, lane, False)
+    begin_heights(bank, block, lane)
 
 
 @internal
@@ -252,7 +253,8 @@ def step_imm(
                 before, moved = read_filter(kalman, lane), read_filter(mixed, lane)
                 after = correct(before, moved, block.measurement, lane, model)
                 _write(kalman, mixed, innovation, lane, after)
-    step_mixed_heights(bank, first, last, block, model)
+    step_heights(bank, 0, bank.hypotheses.size, first, last, block.height, model)
+    weigh_heights(bank, first, last)
     compare(bank, _log_probability, first, last)
     for h in range(bank.hypotheses.size):
         kalman = bank.hypotheses[h]
@@ -262,4 +264,4 @@ def step_imm(
             kalman.log_probability[lane] = ratio + log(bank.sums[0].inverse[lane])
     write_mean(bank, block, first, last)
     write_covariance(bank, block, first, last, covariance)
-    merge_heights(bank, block, first, last)
+    estimate_heights(bank, block, -1, first, last)
