@@ -67,10 +67,8 @@ class TrackEnv(OwnState, gym.Env[Float32Array, np.int64]):
         each for the first mode of this type.
         """
         by_type = getattr(self.options, "actions", "all") == "types"
-        types = [mode.type for mode in self.options.all_modes]
+        types = [mode.planar.type for mode in self.options.all_modes]
         types = list(self.options.type_names) if by_type else types
-        # Without what the height does.
-        types = [of_type.split()[0] for of_type in types]
         first = int(self.options.switches == "announced")
         last = self.options.action_count - 1
         keys = {"w": "straight", "a": "left", "d": "right", "s": "stop"}

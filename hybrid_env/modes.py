@@ -320,15 +320,6 @@ class Climb(Mode):
         return self.planar.matrices(tau)
 
 
-def with_heights(modes: list[Mode]) -> list[Mode]:
-    """Return the modes of pairs, if one of them climbs, descends or is level."""
-    climbs = [mode for mode in modes if isinstance(mode, Climb)]
-    planes = [mode for mode in modes if not isinstance(mode, Climb)]
-    rates = dict.fromkeys([0.0, *(mode.rate for mode in climbs if mode.plane is None)])
-    pairs: list[Mode] = [Climb(rate, plane) for plane in planes for rate in rates]
-    return [*pairs, *(mode for mode in climbs if mode.plane)] if climbs else modes
-
-
 def as_tuples(array: FloatArray) -> tuple[Any, ...]:
     """Return the numbers of a vector, or the rows of a matrix."""
     numbers: list[Any] = array.tolist()
@@ -375,7 +366,12 @@ def parse_modes(value: Any, name: str = "modes") -> tuple[Mode, ...] | None:
             )
             raise reject(name, part, allowed)
         modes.append(mode)
-    modes = with_heights(modes)
+    climbs = [mode for mode in modes if isinstance(mode, Climb)]
+    if climbs:
+        rates = dict.fromkeys([0.0, *(mode.rate for mode in climbs if mode.plane is None)])
+        planes = [mode for mode in modes if not isinstance(mode, Climb)]
+        modes = [Climb(rate, plane) for plane in planes for rate in rates]
+        modes += (mode for mode in climbs if mode.plane)
     names = [mode.name for mode in modes]
     if not 2 <= len(modes) <= most_modes or len({*names}) < len(modes):
         raise reject(name, names, f"2 to {most_modes:,} modes of different names")
@@ -394,7 +390,7 @@ def mode_of_text(text: Any) -> Mode | None:
     """Return the mode of a text; None if there is none of this name."""
     words = " ".join(text.split()) if type(text) is str else ""
     if match := re.fullmatch(r"(.*?) ?\b(?:level|(climb|descend) ?([-+\d.]\S*))", words):
-        with suppress(TypeError, ValueError):
+        with suppress(ValueError):
             plane, rate = mode_of_text(match[1]), float(match[3] or 0.0)
             if plane or not match[1]:
                 return Climb(-rate if match[2] == "descend" else rate, plane)

@@ -80,6 +80,8 @@ class World:
     ):
         if bank_info and options.switches == "unknown":
             raise reject("bank_info", bank_info, "False with unknown switches")
+        if live and options.climbs:
+            raise reject("modes", options.modes, "modes of the plane on a live sensor")
         self.options = options
         self.live = live
         self.layout = options.layout_class(options.hypotheses, options.climbs)
@@ -265,9 +267,8 @@ class World:
         told = read_bank_ticks(self.bank_ticks) if self.bank_ticks.size else {}
         if told and self.options.climbs:
             heights = self._flatten_blocks(self.bank.heights.copy())
-            told["heights"], told["height_innovations"] = heights[..., :2], heights[..., 5]
-            told["height_covariances"] = full_matrices(heights[..., 2:5], 2)
-            told["height_innovation_variances"] = heights[..., 6]
+            covariances = full_matrices(heights[..., 2:5], 2)
+            told |= {"heights": heights[..., :2], "height_covariances": covariances}
         return told
 
     @property

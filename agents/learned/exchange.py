@@ -84,7 +84,7 @@ def _from_zip(path: Path, options: Any) -> Decider:
 
 def _check_width(width: int, options: Any) -> None:
     """Refuse a policy that reads several rows at once."""
-    usual = options.layout_class(options.hypotheses, options.climbs).width
+    usual = options.layout_class(options.hypotheses).width
     if width > usual and width % usual == 0:
         rows = f"{width // usual} stacked rows of {usual} numbers, as of VecFrameStack"
         raise ArgumentError(f"the policy reads {rows}: expected one row")

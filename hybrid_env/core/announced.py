@@ -121,9 +121,6 @@ def _begin_segment(block: Any, lane: int, bank: Any, arrays: Any, setting: Any) 
     begin_motion(block, lane, table[row], motions_of(bank), setting.tau)
     for k in range(4):
         block.anchor[k, lane] = block.truth[k, lane] if setting.oracle else block.estimate[k, lane]
-    if setting.oracle:
-        block.height_estimate[0, lane] = block.true_height[0, lane]
-        block.height_covariance[0, lane] = 0.0
     begin_bank(block, lane, bank, arrays.radii, setting)
     block.squared_error[lane] = 0.0
 

@@ -127,7 +127,7 @@ HEIGHT_NAMES = ("true_height", "height", "height_estimate")
 """What `info` then tells of the current tick too."""
 
 # In `info` of ticks with a measurement only.
-MEASURED_NAMES = "measurement", "innovations", "height", "height_innovations"
+MEASURED_NAMES = "measurement", "innovations", "height"
 TICK_NAMES = ("segment", "tick", "true_mode", "truth", "measurement", "anchor", "estimate")
 """The fields of a block that describe the current tick, in the order of `info`."""
 

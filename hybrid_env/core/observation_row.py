@@ -268,8 +268,7 @@ def _write_heights(
     up = row[last - 2 * M if kind == BANK_ROW else last + 1 - M :]
     for h in range(M):
         innovation, variance = bank.heights[h, 5, lane], bank.heights[h, 6, lane]
-        white = max(min(innovation / math.sqrt(variance), LARGEST), -LARGEST)
-        up[h] = 0.0 if math.isnan(innovation) else white
+        up[h] = 0.0 if math.isnan(innovation) else innovation / math.sqrt(variance)
         if kind == BANK_ROW:
             up[M + h] = max(log(variance * whitener * whitener), 0.0)
 

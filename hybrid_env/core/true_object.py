@@ -234,10 +234,11 @@ def _climb(block: Any, noise: FloatArray, first: int, last: int, setting: Any) -
     draw_normals(block.random_state, noise, first, last, None)
     for lane in range(first, last):
         rate = block.true_height[1, lane]
-        block.true_height[0, lane] += setting.tau * rate
-        block.true_height[1, lane] += math.sqrt(setting.climb_variance) * noise[0, lane]
-        measured = block.true_height[0, lane] + math.sqrt(setting.height_variance) * noise[1, lane]
-        block.height[lane] = np.nan if math.isnan(block.measurement[0, lane]) else measured
+        height = block.true_height[0, lane] + setting.tau * rate
+        rate += math.sqrt(setting.climb_variance) * noise[0, lane]
+        write_lane(block.true_height, lane, (height, rate))
+        error = math.sqrt(setting.height_variance) * noise[1, lane]
+        block.height[lane] = np.nan if math.isnan(block.measurement[0, lane]) else height + error
 
 
 @internal

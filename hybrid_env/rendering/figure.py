@@ -1,4 +1,5 @@
-"""Frames of an episode: the track in the plane on the left, the evidence over time on the right.
+"""Frames of an episode: the track in the plane on the left, with heights in a strip below it, the
+evidence over time on the right.
 Each frame sets new data on the artists that change; all others are in a background image. A
 decision has the same marker in both panels: a circle if correct, a cross if wrong.
 """
@@ -37,13 +38,19 @@ class EpisodeFigure:
         self._half = 0.0
         # Changed with every frame; the first one is drawn first.
         self._changing: list[Any] = []
-        self._track = self._add_axes(0.07, "x [m]", "y [m]")
+        self._track = self._add_axes(0.07, "x [m]", "y [m]", 0.28 * options.climbs)
         self._truth = self._line(self._track, "true path", color="#b4b4b4", linewidth=4)
         self._measured = self._points(self._track, "measurement", ".", 2.5, "#8a8a8a")
         self._estimate = LineCollection([], linewidths=1.6)
         self._track.add_collection(self._estimate, autolim=False)
         self._changing.append(self._estimate)
         self._switches = self._points(self._track, "switch", "D", 5)
+        self._strip: Any = None
+        if options.climbs:
+            self._strip = self._add_axes(0.07, "time [ticks]", "z [m]", top=0.41)
+            self._strip.plot([], [], "C7-", [], [], "k.", [], [], "k-", lw=1.6, ms=2.5)
+            # With its limits.
+            self._changing.append(self._strip)
         self._evidence = self._add_axes(0.57, "time [ticks]", panel.label)
         self._add_panel()
         # Marks on each axes, by whether the decision is correct.
@@ -62,8 +69,10 @@ class EpisodeFigure:
             artist.set_animated(True)
         self._add_legends()
 
-    def _add_axes(self, left: float, xlabel: str, ylabel: str) -> Any:
-        axes = self.figure.add_axes((left, 0.27, 0.39, 0.64))
+    def _add_axes(
+        self, left: float, xlabel: str, ylabel: str, higher: float = 0.0, top: float = 0.91
+    ) -> Any:
+        axes = self.figure.add_axes((left, 0.27 + higher, 0.39, top - 0.27 - higher))
         axes.tick_params(labelsize=8)
         axes.set_xlabel(xlabel, fontsize=9)
         axes.set_ylabel(ylabel, fontsize=9)
@@ -167,6 +176,11 @@ class EpisodeFigure:
         self._measured.set_data(history.points("measured_").T)
         self._switches.set_data(truth[switches].T)
         self._current.set_data(truth[-1:].T)
+        for k, line in enumerate(self._strip.lines if self._strip else ()):
+            heights = history.column(("z", "measured_z", "estimate_z")[k])
+            line.set_data(np.arange(1, len(truth) + 1), heights)
+            self._strip.relim()
+            self._strip.autoscale_view()
         estimate = history.points("estimate_")
         modes = np.nan_to_num(history.column("active_mode"), nan=-1.0).astype(int)
         self._estimate.set_segments(list(np.stack([estimate[:-1], estimate[1:]], axis=1)))

@@ -257,6 +257,12 @@ def test_the_imm_bank_equals_a_literal_one_of_pairs(missed):
         *_, info = env.step(np.zeros(LANES, np.int64))
 
 
+def innovations_up(env):
+    """Return the innovations of the heights and their variances, (N, M, 2)."""
+    heights = np.moveaxis(env.world.bank.heights, -1, 1)
+    return heights.reshape(-1, *heights.shape[2:])[: env.num_envs, :, 5:]
+
+
 OBJECTS = {
     # Speed, tick, Q and R; radius; rates; variances of the vertical rate and of the height.
     "aircraft": (220.0, 4.0, 1.0, 2500.0, 9e3, (8.0, -6.0), 0.2, 400.0),
@@ -299,12 +305,11 @@ def squares_of_true_modes(name, tracks, **options):
             P[:, :4, :4] = info["covariances"][every, true]
             P[:, 4:, 4:] = info["height_covariances"][every, true]
             S[:, :2, :2] = info["innovation_covariances"][every, true]
-            S[:, 2, 2] = info["height_innovation_variances"][every, true]
+            up, S[:, 2, 2] = innovations_up(env)[every, true].T
             told = info["estimates"][every, true], info["heights"][every, true]
             truth = info["truth"], info["true_height"]
             error = np.hstack(told) - np.hstack(truth)
-            up = info["height_innovations"][every, true, None]
-            innovation = np.hstack([info["innovations"][every, true], up])
+            innovation = np.hstack([info["innovations"][every, true], up[:, None]])
             squares.append(
                 [
                     np.einsum("ni,ni->n", e, np.linalg.solve(A, e[..., None])[..., 0])
@@ -421,9 +426,9 @@ def test_rows_tell_of_the_height_what_is_true():
         measured = ~np.isnan(envs["bank"].world.field("height"))
         assert (measured == info["_height"]).all()
         anchor = envs["bank"].world.field("anchor_height")
-        variance = info["height_innovation_variances"]
+        innovation, variance = np.moveaxis(innovations_up(envs["bank"]), -1, 0)
         known = {
-            "innovation_up": info["height_innovations"] / np.sqrt(variance),
+            "innovation_up": np.nan_to_num(innovation) / np.sqrt(variance),
             "log_variance_up": np.log(variance / 0.04),
             "climb": 0.1 * info["height_estimate"][:, 1] / 0.2,
             "displacement_up": np.where(measured, info["height"] - anchor, 0.0) / 0.2,
@@ -490,4 +495,4 @@ def test_the_height_of_the_next_anchor_is_that_of_the_decision(follow):
     )
     # The prediction of a level filter, whose rate is exact at the switch.
     expected = (weights * spread).sum(1) + 0.1
-    np.testing.assert_allclose(info["height_innovation_variances"][:, 0], expected, rtol=1e-9)
+    np.testing.assert_allclose(innovations_up(env)[:, 0, 1], expected, rtol=1e-9)

@@ -124,9 +124,10 @@ def _mix(bank: Any, first: int, last: int) -> None:
 
 
 @seldom
-def _weigh(bank: Any, first: int, last: int) -> None:
-    """Write the log probabilities anew, whose likelihoods are now those of both filters."""
+def _step_mixed(bank: Any, first: int, last: int, measured: FloatArray, model: Any) -> None:
+    """Do what `_step` does for all filters, and add to their log probabilities."""
     stay_apart()
+    _step(bank, 0, len(bank.heights), first, last, measured, model)
     for h in range(len(bank.heights)):
         kalman = bank.hypotheses[h]
         for lane in range(first, last):
@@ -135,4 +136,4 @@ def _weigh(bank: Any, first: int, last: int) -> None:
 
 
 begin_heights, step_heights, estimate_heights = map(where_heights, (_begin, _step, _estimate))
-mix_heights, weigh_heights = map(where_heights, (_mix, _weigh))
+mix_heights, step_mixed_heights = map(where_heights, (_mix, _step_mixed))

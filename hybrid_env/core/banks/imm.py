@@ -48,8 +48,7 @@ from hybrid_env.core.banks.height import (
     begin_heights,
     estimate_heights,
     mix_heights,
-    step_heights,
-    weigh_heights,
+    step_mixed_heights,
 )
 from hybrid_env.core.banks.posterior import compare, write_covariance, write_mean
 from hybrid_env.core.banks.sensing import correct_by_sensors
@@ -253,8 +252,7 @@ def step_imm(
                 before, moved = read_filter(kalman, lane), read_filter(mixed, lane)
                 after = correct(before, moved, block.measurement, lane, model)
                 _write(kalman, mixed, innovation, lane, after)
-    step_heights(bank, 0, bank.hypotheses.size, first, last, block.height, model)
-    weigh_heights(bank, first, last)
+    step_mixed_heights(bank, first, last, block.height, model)
     compare(bank, _log_probability, first, last)
     for h in range(bank.hypotheses.size):
         kalman = bank.hypotheses[h]
