@@ -16,7 +16,7 @@ from hybrid_env.core.banks.bank import (
     likeliest_of_type,
     motions_of,
 )
-from hybrid_env.core.banks.height import begin_heights, estimate_heights, step_heights
+from hybrid_env.core.banks.height import begin_heights, estimate_heights, heights_of, step_heights
 from hybrid_env.core.banks.posterior import (
     NOTHING,
     by_likelihood,
@@ -68,7 +68,7 @@ def _merge(block: Any, bank: Any, first: int, last: int) -> None:
     """Write the estimates of lanes first .. last - 1, merged over the bank, to the block."""
     compare(bank, by_likelihood, first, last)
     write_mean(bank, block, first, last)
-    estimate_heights(bank, block, -1, first, last)
+    estimate_heights(heights_of(bank), bank, block, -1, first, last)
 
 
 @internal
@@ -79,7 +79,9 @@ def _record_estimate(block: Any, lane: int, bank: Any, trace: FloatArray, merged
     if not merged:
         estimate = estimate_of(bank.hypotheses, block.active_mode[lane], lane)
         write_lane(block.estimate, lane, estimate)
-        estimate_heights(bank, block, block.active_mode[lane], lane, lane + np.uint64(1))
+        estimate_heights(
+            heights_of(bank), bank, block, block.active_mode[lane], lane, lane + np.uint64(1)
+        )
     error_x = block.estimate[0, lane] - block.truth[0, lane]
     error_y = block.estimate[2, lane] - block.truth[2, lane]
     block.squared_error[lane] += error_x * error_x + error_y * error_y
@@ -100,7 +102,7 @@ def begin_bank(block: Any, lane: int, bank: Any, radii: FloatArray, setting: Any
         # Its anchor is exact.
         covariance = NOTHING
     operations.begin(bank, lane, anchor, covariance, radii, setting)
-    begin_heights(bank, block, lane)
+    begin_heights(heights_of(bank), bank, block, lane)
     block.tick[lane] = 0
 
 
@@ -136,7 +138,7 @@ def run_on(block: Any, lane: int, bank: Any, arrays: Any, setting: Any) -> None:
     lowest, stop = (0, bank.hypotheses.size) if setting.merged else (chosen, chosen + 1)
     last, model = lane + np.uint64(1), filter_model(setting)
     operations.step(bank, lowest, stop, lane, last, block, arrays.sensors, model)
-    step_heights(bank, lowest, stop, lane, last, block.height, model)
+    step_heights(heights_of(bank), bank, lowest, stop, lane, last, block.height, model)
     if not setting.merged:
         kalman.log_likelihood[lane] = before
 
@@ -171,7 +173,7 @@ def set_anchor(block: Any, lane: int, bank: Any, merged: bool) -> None:
         chosen = block.active_mode[lane]
         write_lane(block.estimate, lane, estimate_of(bank.hypotheses, chosen, lane))
         write_lane(block.covariance, lane, operations.covariance(bank, chosen, lane))
-        estimate_heights(bank, block, chosen, lane, lane + np.uint64(1))
+        estimate_heights(heights_of(bank), bank, block, chosen, lane, lane + np.uint64(1))
 
 
 @inlined
@@ -276,7 +278,7 @@ def _step_bank(b: int, block: Any, bank: Any, first: int, last: int, setting: An
     if setting.bank_rows > 0:
         write_innovations(arrays.bank_ticks, b, block, first, last, bank, setting)
     operations.step(bank, 0, bank.hypotheses.size, first, last, block, arrays.sensors, model)
-    step_heights(bank, 0, bank.hypotheses.size, first, last, block.height, model)
+    step_heights(heights_of(bank), bank, 0, bank.hypotheses.size, first, last, block.height, model)
     if setting.bank_rows > 0:
         write_corrected(arrays.bank_ticks, b, first, last, bank)
     if setting.merged:
@@ -318,7 +320,7 @@ def write_rows(
             mask_declarations(arrays.action_mask[b * LANES + lane], others[lane], setting)
     for lane in range(first, last):
         row = arrays.observations[b * LANES + lane]
-        write_heights(bank, row, block, lane, setting)
+        write_heights(heights_of(bank), row, block, lane, setting)
         if setting.observation != BANK_ROW:
             write_twin(row, block, lane, bank, setting)
             continue

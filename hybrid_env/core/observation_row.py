@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.core.banks.bank import estimate_of, likeliest
-from hybrid_env.core.banks.height import where_heights
-from hybrid_env.core.compilation import formula, inlined, internal, seldom, stay_apart
+from hybrid_env.core.compilation import formula, inlined, internal
 from hybrid_env.core.elementary import log
 from hybrid_env.core.memory import FloatArray, state_of
 from hybrid_env.core.motion import heading_vector
@@ -248,17 +247,16 @@ def write_quickest_row(
     row[6 * M + 2] = _measured(block, lane, setting)
 
 
-@seldom
-def _write_heights(
-    bank: Any, row: NDArray[np.float32], block: Any, lane: int, setting: Any
+@internal
+def write_heights(
+    heights: Any, row: NDArray[np.float32], block: Any, lane: int, setting: Any
 ) -> None:
     """Write the values at the end of a row that modes with a climb have besides, in the order of
     `Layout.height_features`.
     """
-    stay_apart()
-    M, last, kind = len(bank.heights), setting.width - 1, setting.observation
-    if M == 0 or kind == STATE_ROW:
+    if heights is None or len(heights) == 0 or setting.observation == STATE_ROW:
         return
+    M, last, kind = len(heights), setting.width - 1, setting.observation
     whitener = 1.0 / math.sqrt(setting.height_variance)
     if kind == RAW_ROW:
         shift = LENGTH_SCALE * whitener * (block.height[lane] - block.anchor_height[lane])
@@ -267,10 +265,7 @@ def _write_heights(
     row[last] = setting.tau * whitener * block.height_estimate[1, lane]
     up = row[last - 2 * M if kind == BANK_ROW else last + 1 - M :]
     for h in range(M):
-        innovation, variance = bank.heights[h, 5, lane], bank.heights[h, 6, lane]
+        innovation, variance = heights[h, 5, lane], heights[h, 6, lane]
         up[h] = 0.0 if math.isnan(innovation) else innovation / math.sqrt(variance)
         if kind == BANK_ROW:
             up[M + h] = max(log(variance * whitener * whitener), 0.0)
-
-
-write_heights = where_heights(_write_heights)

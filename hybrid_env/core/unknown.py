@@ -9,6 +9,7 @@ import numpy as np
 
 from hybrid_env.core.banks import operations
 from hybrid_env.core.banks.bank import filter_model, motions_of
+from hybrid_env.core.banks.height import heights_of
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.habits import draw_from_law, draw_law, draw_mode, draw_order, draw_remaining
 from hybrid_env.core.kernel import HALTED, TERMINATED
@@ -146,7 +147,7 @@ def write_rows(
     for lane in range(first, last):
         row = arrays.observations[b * LANES + lane]
         write_quickest_row(row, block, lane, bank, setting)
-        write_heights(bank, row, block, lane, setting)
+        write_heights(heights_of(bank), row, block, lane, setting)
 
 
 @internal

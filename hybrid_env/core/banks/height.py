@@ -14,22 +14,17 @@ import math
 from typing import Any
 
 from hybrid_env.core.banks.filter import LOG_TWO_PI, condition_x
-from hybrid_env.core.compilation import formula, internal, seldom, selected, stay_apart
+from hybrid_env.core.compilation import formula, internal, selected
 from hybrid_env.core.elementary import exp, log
 from hybrid_env.core.memory import FloatArray, four_of, write_lane
 from hybrid_env.core.vectors import Vector, combination, minus_square, sandwich, widened
 
-
-def where_heights(operation: Any) -> Any:
-    """Return an operation that does nothing if a bank, its first argument, never has heights."""
-
-    def call(bank: Any, *arguments: Any) -> None:
-        operation(bank, *arguments)
-
-    def nothing(bank: Any, *arguments: Any) -> None:
-        pass
-
-    return selected(lambda bank: call if "heights" in bank.fields else nothing)
+heights_of = selected(
+    lambda bank: (lambda bank: bank.heights) if "heights" in bank.fields else (lambda bank: None)
+)
+"""Return the filters of heights of a bank, none if no mode climbs or descends; None where they are
+never: the other functions then do nothing.
+"""
 
 
 @formula
@@ -38,28 +33,37 @@ def _moments(height: FloatArray, lane: int) -> Vector:
     return (*four_of(height, 0, lane), height[4, lane])
 
 
-@seldom
-def _begin(bank: Any, block: Any, lane: int) -> None:
+@internal
+def begin_heights(heights: Any, bank: Any, block: Any, lane: int) -> None:
     """Begin the filters of a lane at the estimated height of the block."""
-    stay_apart()
+    if heights is None:
+        return
     height, variance = block.height_estimate[0, lane], block.height_covariance[0, lane]
     block.anchor_height[lane] = height
-    for h in range(len(bank.heights)):
+    for h in range(len(heights)):
         rate = bank.motions[h].climb_rate
-        write_lane(bank.heights[h], lane, (height, rate, variance, 0.0, 0.0))
+        write_lane(heights[h], lane, (height, rate, variance, 0.0, 0.0))
 
 
-@seldom
-def _step(
-    bank: Any, lowest: int, stop: int, first: int, last: int, measured: FloatArray, model: Any
+@internal
+def step_heights(
+    heights: Any,
+    bank: Any,
+    lowest: int,
+    stop: int,
+    first: int,
+    last: int,
+    measured: FloatArray,
+    model: Any,
 ) -> None:
     """Advance filters lowest .. stop - 1 of lanes first .. last - 1 by one tick, and add to their
     log-likelihoods. measured: heights, (LANES,), NaN without one.
     """
-    stay_apart()
-    for h in range(lowest, min(stop, len(bank.heights))):
+    if heights is None:
+        return
+    for h in range(lowest, min(stop, len(heights))):
         for lane in range(first, last):
-            before = _moments(bank.heights[h], lane)
+            before = _moments(heights[h], lane)
             zz, zv, vv = sandwich(((1.0, model.tau), (0.0, 1.0)), before[2:])
             state = before[0] + model.tau * before[1], before[1]
             p = widened((zz, zv, vv + model.climb_variance))
@@ -71,19 +75,19 @@ def _step(
                 bank.hypotheses[h].log_likelihood[lane] += added
                 state = combination((1.0, innovation * inverse), (state, gain))
                 p = condition_x(p, gain, model.height_variance * inverse, inverse)
-            write_lane(bank.heights[h], lane, (*state, *p, innovation, variance))
+            write_lane(heights[h], lane, (*state, *p, innovation, variance))
 
 
 @internal
-def _mixture(bank: Any, lane: int, h: int, mixes: bool, scale: float) -> Vector:
+def _mixture(heights: Any, bank: Any, lane: int, h: int, mixes: bool, scale: float) -> Vector:
     """Return mean and covariance of the mixture of the filters of a lane, of weights `likelihoods`
     times `scale`. With `mixes` mode h begins a tick with it, to which others bring their height
     alone. Differences to filter h lose no digits far from the origin.
     """
-    z, vz = _moments(bank.heights[h], lane)[:2]
+    z, vz = _moments(heights[h], lane)[:2]
     sums = (0.0, 0.0, 0.0, 0.0, 0.0)
-    for g in range(len(bank.heights)):
-        of = _moments(bank.heights[g], lane)
+    for g in range(len(heights)):
+        of = _moments(heights[g], lane)
         if mixes and g != h:
             of = (of[0], bank.motions[h].climb_rate, of[2], 0.0, 0.0)
         difference = of[0] - z, of[1] - vz
@@ -93,47 +97,52 @@ def _mixture(bank: Any, lane: int, h: int, mixes: bool, scale: float) -> Vector:
     return (z + sums[0], vz + sums[1], *spread)
 
 
-@seldom
-def _estimate(bank: Any, block: Any, chosen: int, first: int, last: int) -> None:
+@internal
+def estimate_heights(
+    heights: Any, bank: Any, block: Any, chosen: int, first: int, last: int
+) -> None:
     """Write the estimate of a hypothesis and its covariance to the block; -1 merges all of them,
     after `posterior.compare`.
     """
-    stay_apart()
-    for lane in range(first, last if len(bank.heights) > 0 else first):
-        moments = _moments(bank.heights[max(chosen, 0)], lane)
+    if heights is None:
+        return
+    for lane in range(first, last if len(heights) > 0 else first):
+        moments = _moments(heights[max(chosen, 0)], lane)
         if chosen < 0:
             sums = bank.sums[0]
-            moments = _mixture(bank, lane, sums.likeliest[lane], False, sums.inverse[lane])
+            moments = _mixture(heights, bank, lane, sums.likeliest[lane], False, sums.inverse[lane])
         write_lane(block.height_estimate, lane, moments[:2])
         write_lane(block.height_covariance, lane, moments[2:])
 
 
-@seldom
-def _mix(bank: Any, first: int, last: int) -> None:
+@internal
+def mix_heights(heights: Any, bank: Any, first: int, last: int) -> None:
     """Set all filters to their mixed initial conditions of a tick, after those of the plane."""
-    stay_apart()
-    modes = range(len(bank.heights))
+    if heights is None:
+        return
+    modes = range(len(heights))
     for h in modes:
         for lane in range(first, last):
             for g in modes:
                 before = max(bank.hypotheses[g].log_probability[lane], -700.0)
                 share = exp(before - bank.mixed[h].log_probability[lane])
                 bank.likelihoods[g, lane] = bank.transitions[g, h] * share
-            write_lane(bank.mixed_heights[h], lane, _mixture(bank, lane, h, True, 1.0))
-    bank.heights[:, :, first:last] = bank.mixed_heights[:, :, first:last]
+            write_lane(bank.mixed_heights[h], lane, _mixture(heights, bank, lane, h, True, 1.0))
+    for h in modes:
+        for lane in range(first, last):
+            write_lane(heights[h], lane, _moments(bank.mixed_heights[h], lane))
 
 
-@seldom
-def _step_mixed(bank: Any, first: int, last: int, measured: FloatArray, model: Any) -> None:
-    """Do what `_step` does for all filters, and add to their log probabilities."""
-    stay_apart()
-    _step(bank, 0, len(bank.heights), first, last, measured, model)
-    for h in range(len(bank.heights)):
+@internal
+def step_mixed_heights(
+    heights: Any, bank: Any, first: int, last: int, measured: FloatArray, model: Any
+) -> None:
+    """Do what `step_heights` does for all filters, and add to their log probabilities."""
+    if heights is None:
+        return
+    step_heights(heights, bank, 0, len(heights), first, last, measured, model)
+    for h in range(len(heights)):
         kalman = bank.hypotheses[h]
         for lane in range(first, last):
             prior = bank.mixed[h].log_probability[lane]
             kalman.log_probability[lane] = prior + kalman.log_likelihood[lane]
-
-
-begin_heights, step_heights, estimate_heights = map(where_heights, (_begin, _step, _estimate))
-mix_heights, step_mixed_heights = map(where_heights, (_mix, _step_mixed))

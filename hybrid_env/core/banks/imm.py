@@ -47,6 +47,7 @@ from hybrid_env.core.banks.filter import (
 from hybrid_env.core.banks.height import (
     begin_heights,
     estimate_heights,
+    heights_of,
     mix_heights,
     step_mixed_heights,
 )
@@ -113,7 +114,7 @@ def begin_imm(bank: Any, block: Any, lane: int, known: int) -> None:
         else:
             kalman.log_probability[lane] = 0.0 if h == known else NEGLIGIBLE
         kalman.log_likelihood[lane] = 0.0
-    begin_heights(bank, block, lane)
+    begin_heights(heights_of(bank), bank, block, lane)
 
 
 @internal
@@ -235,7 +236,7 @@ def step_imm(
     """
     motions, at_once = motions_of(bank), alike(block, first, last, sensors, model)
     _mix(bank, block, first, last, model)
-    mix_heights(bank, first, last)
+    mix_heights(heights_of(bank), bank, first, last)
     for h in range(bank.hypotheses.size):
         kalman, mixed, innovation = bank.hypotheses[h], bank.mixed[h], bank.innovations[h]
         motion = motion_at(motions, h)
@@ -252,7 +253,7 @@ def step_imm(
                 before, moved = read_filter(kalman, lane), read_filter(mixed, lane)
                 after = correct(before, moved, block.measurement, lane, model)
                 _write(kalman, mixed, innovation, lane, after)
-    step_mixed_heights(bank, first, last, block.height, model)
+    step_mixed_heights(heights_of(bank), bank, first, last, block.height, model)
     compare(bank, _log_probability, first, last)
     for h in range(bank.hypotheses.size):
         kalman = bank.hypotheses[h]
@@ -262,4 +263,4 @@ def step_imm(
             kalman.log_probability[lane] = ratio + log(bank.sums[0].inverse[lane])
     write_mean(bank, block, first, last)
     write_covariance(bank, block, first, last, covariance)
-    estimate_heights(bank, block, -1, first, last)
+    estimate_heights(heights_of(bank), bank, block, -1, first, last)
