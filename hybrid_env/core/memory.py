@@ -119,9 +119,9 @@ HEIGHT_FIELDS = {
     "height": float,
     # Of the estimate at the switch [m].
     "anchor_height": float,
-    # Of the active filter, or merged over the bank, and its covariance zz, zv, vv.
+    # [z, vz] of the active filter, or merged over the bank, and their variances.
     "height_estimate": (float, 2),
-    "height_covariance": (float, 3),
+    "height_variances": (float, 2),
 }
 HEIGHT_NAMES = ("true_height", "height", "height_estimate")
 """What `info` then tells of the current tick too."""

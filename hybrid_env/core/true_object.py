@@ -53,7 +53,7 @@ def draw_first_estimate(block: Any, noise: FloatArray, lane: int, setting: Any) 
     write_lane(block.covariance, lane, (xx, 0.0, 0.0, 0.0, vv, 0.0, 0.0, yy, 0.0, vv))
     # The first height is known.
     block.true_height[0, lane] = block.height_estimate[0, lane] = 0.0
-    block.height_covariance[0, lane] = 0.0
+    block.height_variances[0, lane] = 0.0
 
 
 @internal

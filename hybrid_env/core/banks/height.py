@@ -38,7 +38,7 @@ def begin_heights(heights: Any, bank: Any, block: Any, lane: int) -> None:
     """Begin the filters of a lane at the estimated height of the block."""
     if heights is None:
         return
-    height, variance = block.height_estimate[0, lane], block.height_covariance[0, lane]
+    height, variance = block.height_estimate[0, lane], block.height_variances[0, lane]
     block.anchor_height[lane] = height
     for h in range(len(heights)):
         rate = bank.motions[h].climb_rate
@@ -101,7 +101,7 @@ def _mixture(heights: Any, bank: Any, lane: int, h: int, mixes: bool, scale: flo
 def estimate_heights(
     heights: Any, bank: Any, block: Any, chosen: int, first: int, last: int
 ) -> None:
-    """Write the estimate of a hypothesis and its covariance to the block; -1 merges all of them,
+    """Write the estimate of a hypothesis and its variances to the block; -1 merges all of them,
     after `posterior.compare`.
     """
     if heights is None:
@@ -112,7 +112,7 @@ def estimate_heights(
             sums = bank.sums[0]
             moments = _mixture(heights, bank, lane, sums.likeliest[lane], False, sums.inverse[lane])
         write_lane(block.height_estimate, lane, moments[:2])
-        write_lane(block.height_covariance, lane, moments[2:])
+        write_lane(block.height_variances, lane, (moments[2], moments[4]))
 
 
 @internal
