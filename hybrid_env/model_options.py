@@ -270,7 +270,7 @@ class ModelOptions(Checked):
             "deviation_y": np.sqrt(self.variances[-1]),
             "variance_x": self.variances[0],
             "variance_y": self.variances[-1],
-            "height_rows": self.hypotheses if self.climbs else 0,
+            "height_rows": self.hypotheses * self.climbs,
             "log_noise": np.log(self.variances).mean(),
             "noise_whitener": 1.0 / self.deviation,
             "radii_count": len(self.radii),

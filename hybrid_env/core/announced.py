@@ -68,7 +68,7 @@ def _merge(block: Any, bank: Any, first: int, last: int) -> None:
     """Write the estimates of lanes first .. last - 1, merged over the bank, to the block."""
     compare(bank, by_likelihood, first, last)
     write_mean(bank, block, first, last)
-    estimate_heights(heights_of(bank), bank, block, -1, first, last)
+    estimate_heights(heights_of(bank), bank, block, None, first, last)
 
 
 @internal
@@ -79,9 +79,6 @@ def _record_estimate(block: Any, lane: int, bank: Any, trace: FloatArray, merged
     if not merged:
         estimate = estimate_of(bank.hypotheses, block.active_mode[lane], lane)
         write_lane(block.estimate, lane, estimate)
-        estimate_heights(
-            heights_of(bank), bank, block, block.active_mode[lane], lane, lane + np.uint64(1)
-        )
     error_x = block.estimate[0, lane] - block.truth[0, lane]
     error_y = block.estimate[2, lane] - block.truth[2, lane]
     block.squared_error[lane] += error_x * error_x + error_y * error_y
@@ -138,7 +135,9 @@ def run_on(block: Any, lane: int, bank: Any, arrays: Any, setting: Any) -> None:
     lowest, stop = (0, bank.hypotheses.size) if setting.merged else (chosen, chosen + 1)
     last, model = lane + np.uint64(1), filter_model(setting)
     operations.step(bank, lowest, stop, lane, last, block, arrays.sensors, model)
-    step_heights(heights_of(bank), bank, lowest, stop, lane, last, block.height, model)
+    heights = heights_of(bank)
+    step_heights(heights, bank, lowest, stop, lane, last, block.height, model)
+    estimate_heights(heights, bank, block, block.active_mode, lane, last)
     if not setting.merged:
         kalman.log_likelihood[lane] = before
 
@@ -173,7 +172,8 @@ def set_anchor(block: Any, lane: int, bank: Any, merged: bool) -> None:
         chosen = block.active_mode[lane]
         write_lane(block.estimate, lane, estimate_of(bank.hypotheses, chosen, lane))
         write_lane(block.covariance, lane, operations.covariance(bank, chosen, lane))
-        estimate_heights(heights_of(bank), bank, block, chosen, lane, lane + np.uint64(1))
+        heights, last = heights_of(bank), lane + np.uint64(1)
+        estimate_heights(heights, bank, block, block.active_mode, lane, last)
 
 
 @inlined
@@ -278,7 +278,9 @@ def _step_bank(b: int, block: Any, bank: Any, first: int, last: int, setting: An
     if setting.bank_rows > 0:
         write_innovations(arrays.bank_ticks, b, block, first, last, bank, setting)
     operations.step(bank, 0, bank.hypotheses.size, first, last, block, arrays.sensors, model)
-    step_heights(heights_of(bank), bank, 0, bank.hypotheses.size, first, last, block.height, model)
+    heights = heights_of(bank)
+    step_heights(heights, bank, 0, bank.hypotheses.size, first, last, block.height, model)
+    estimate_heights(heights, bank, block, block.active_mode, first, last)
     if setting.bank_rows > 0:
         write_corrected(arrays.bank_ticks, b, first, last, bank)
     if setting.merged:
@@ -318,9 +320,10 @@ def write_rows(
             compare_types(bank, arrays.types, arrays.type_likelihoods, others, first, last)
         for lane in range(first, last):
             mask_declarations(arrays.action_mask[b * LANES + lane], others[lane], setting)
+    heights = heights_of(bank)
     for lane in range(first, last):
         row = arrays.observations[b * LANES + lane]
-        write_heights(heights_of(bank), row, block, lane, setting)
+        write_heights(heights, row, block, lane, setting)
         if setting.observation != BANK_ROW:
             write_twin(row, block, lane, bank, setting)
             continue

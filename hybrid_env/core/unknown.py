@@ -143,11 +143,11 @@ def write_rows(
     b: int, block: Any, bank: Any, first: int, last: int, begun: int, setting: Any
 ) -> None:
     """Write the rows of lanes first .. last - 1 of block b."""
-    arrays = arrays_of(setting)
+    arrays, heights = arrays_of(setting), heights_of(bank)
     for lane in range(first, last):
         row = arrays.observations[b * LANES + lane]
         write_quickest_row(row, block, lane, bank, setting)
-        write_heights(heights_of(bank), row, block, lane, setting)
+        write_heights(heights, row, block, lane, setting)
 
 
 @internal

@@ -178,7 +178,7 @@ class EpisodeFigure:
         self._current.set_data(truth[-1:].T)
         for k, line in enumerate(self._strip.lines if self._strip else ()):
             heights = history.column(("z", "measured_z", "estimate_z")[k])
-            line.set_data(np.arange(1, len(truth) + 1), heights)
+            line.set_data(np.arange(len(truth)), heights)
             self._strip.relim()
             self._strip.autoscale_view()
         estimate = history.points("estimate_")

@@ -99,18 +99,19 @@ def _mixture(heights: Any, bank: Any, lane: int, h: int, mixes: bool, scale: flo
 
 @internal
 def estimate_heights(
-    heights: Any, bank: Any, block: Any, chosen: int, first: int, last: int
+    heights: Any, bank: Any, block: Any, chosen: Any, first: int, last: int
 ) -> None:
-    """Write the estimate of a hypothesis and its variances to the block; -1 merges all of them,
-    after `posterior.compare`.
+    """Write estimates and their variances to the block. chosen: hypotheses, (LANES,); None merges
+    all of them, after `posterior.compare`.
     """
-    if heights is None:
+    if heights is None or len(heights) == 0:
         return
-    for lane in range(first, last if len(heights) > 0 else first):
-        moments = _moments(heights[max(chosen, 0)], lane)
-        if chosen < 0:
+    for lane in range(first, last):
+        if chosen is None:
             sums = bank.sums[0]
             moments = _mixture(heights, bank, lane, sums.likeliest[lane], False, sums.inverse[lane])
+        else:
+            moments = _moments(heights[chosen[lane]], lane)
         write_lane(block.height_estimate, lane, moments[:2])
         write_lane(block.height_variances, lane, (moments[2], moments[4]))
 

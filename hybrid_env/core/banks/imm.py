@@ -263,4 +263,4 @@ def step_imm(
             kalman.log_probability[lane] = ratio + log(bank.sums[0].inverse[lane])
     write_mean(bank, block, first, last)
     write_covariance(bank, block, first, last, covariance)
-    estimate_heights(heights_of(bank), bank, block, -1, first, last)
+    estimate_heights(heights_of(bank), bank, block, None, first, last)
