@@ -262,6 +262,12 @@ class HybridTrackEnv(TrackEnv):
     mode, position and velocity (in sqrt(R) and per tick) of the object along and across, ticks,
     ticks_left, log_noise.
 
+    With modes that climb or descend, see `hybrid_env.modes`, a hypothesis is a pair of modes and
+    has a filter of the height besides. The row then ends with innovation_up and log_variance_up of
+    each hypothesis, over the standard deviation and the variance of a measured height, and climb,
+    the estimated way up in a tick over this deviation; with `observation="raw"` with
+    displacement_up, and with `observation="innovations"` with innovation_up.
+
     ## Rewards
     Every step has the reward `-delay_cost` for each tick since the last wait or the switch: one
     tick, or with `decide_every` up to so many. A step with a decision has an additional reward of
@@ -293,6 +299,10 @@ class HybridTrackEnv(TrackEnv):
     (M, 2) [m], `innovation_covariances` (M, 2, 2), `estimates` (M, 4) [x, vx, y, vy] and
     `covariances` (M, 4, 4). The innovations are those before the correction, and left out without
     a measurement; estimates and covariances are those after it.
+
+    With modes that climb or descend `info` also has `true_height` [z, vz], the measured `height`,
+    and `height_estimate` [z, vz], and with `bank_info=True` `heights` (M, 2) and
+    `height_covariances` (M, 2, 2).
 
     A step with a decision adds `decided_mode`, `decided_true_mode`, `correct` (by the criterion of
     the reward), `type_correct` (straight, left or right), `ticks` (the decision time since the
