@@ -14,8 +14,8 @@ import math
 from typing import Any
 
 from hybrid_env.core.banks.filter import LOG_TWO_PI, condition_x
-from hybrid_env.core.compilation import formula, internal, selected
-from hybrid_env.core.elementary import exp, log
+from hybrid_env.core.compilation import formula, internal, seldom, selected, stay_apart
+from hybrid_env.core.elementary import log
 from hybrid_env.core.memory import FloatArray, four_of, write_lane
 from hybrid_env.core.vectors import Vector, combination, minus_square, sandwich, widened
 
@@ -116,33 +116,27 @@ def estimate_heights(
         write_lane(block.height_variances, lane, (moments[2], moments[4]))
 
 
-@internal
-def mix_heights(heights: Any, bank: Any, first: int, last: int) -> None:
-    """Set all filters to their mixed initial conditions of a tick, after those of the plane."""
-    if heights is None:
-        return
-    modes = range(len(heights))
-    for h in modes:
-        for lane in range(first, last):
-            for g in modes:
-                before = max(bank.hypotheses[g].log_probability[lane], -700.0)
-                share = exp(before - bank.mixed[h].log_probability[lane])
-                bank.likelihoods[g, lane] = bank.transitions[g, h] * share
-            write_lane(bank.mixed_heights[h], lane, _mixture(heights, bank, lane, h, True, 1.0))
-    for h in modes:
-        for lane in range(first, last):
-            write_lane(heights[h], lane, _moments(bank.mixed_heights[h], lane))
+@seldom
+def mix_heights(bank: Any, h: int, first: int, last: int) -> None:
+    """Write the mixed initial condition of the filter of mode h, of weights `likelihoods`."""
+    stay_apart()
+    for lane in range(first, last):
+        write_lane(bank.mixed_heights[h], lane, _mixture(bank.heights, bank, lane, h, True, 1.0))
 
 
 @internal
 def step_mixed_heights(
     heights: Any, bank: Any, first: int, last: int, measured: FloatArray, model: Any
 ) -> None:
-    """Do what `step_heights` does for all filters, and add to their log probabilities."""
+    """Do what `step_heights` does for all filters from their mixed initial conditions, and add to
+    their log probabilities.
+    """
     if heights is None:
         return
-    step_heights(heights, bank, 0, len(heights), first, last, measured, model)
     for h in range(len(heights)):
+        for lane in range(first, last):
+            write_lane(heights[h], lane, _moments(bank.mixed_heights[h], lane))
+        step_heights(heights, bank, h, h + 1, first, last, measured, model)
         kalman = bank.hypotheses[h]
         for lane in range(first, last):
             prior = bank.mixed[h].log_probability[lane]

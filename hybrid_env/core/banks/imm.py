@@ -177,6 +177,7 @@ def _mix_mode(bank: DenseImmBank, h: int, first: int, last: int) -> None:
         for lane in range(first, last):
             before = max(kalman.log_probability[lane], NEGLIGIBLE)
             weight = bank.transitions[g, h] * exp(before - mixed.log_probability[lane])
+            bank.likelihoods[g, lane] = weight
             state, p = _brought(kalman, lane, g == h)
             # Differences to the filter of the mode itself lose no digits far from the origin.
             difference = combination((1.0, -1.0), (state, read_filter(own, lane)[0]))
@@ -188,6 +189,8 @@ def _mix_mode(bank: DenseImmBank, h: int, first: int, last: int) -> None:
         difference, p = read_filter(mixed, lane)
         state = combination((1.0, 1.0), (difference, read_filter(own, lane)[0]))
         write_filter(mixed, lane, state, minus_square(widened(p), difference, 1.0))
+    if len(bank.heights) > 0:
+        mix_heights(bank, h, first, last)
 
 
 @internal
@@ -236,7 +239,6 @@ def step_imm(
     """
     motions, at_once = motions_of(bank), alike(block, first, last, sensors, model)
     _mix(bank, block, first, last, model)
-    mix_heights(heights_of(bank), bank, first, last)
     for h in range(bank.hypotheses.size):
         kalman, mixed, innovation = bank.hypotheses[h], bank.mixed[h], bank.innovations[h]
         motion = motion_at(motions, h)
