@@ -3,6 +3,7 @@ are consistent at every scale.
 """
 
 import copy
+import pickle
 
 import gymnasium as gym
 import numpy as np
@@ -23,6 +24,7 @@ from hybrid_env import (
     HybridTrackQuickestVectorEnv,
     HybridTrackVectorEnv,
     InnovationsLayout,
+    KalmanBank,
     Layout,
     QuickestLayout,
     QuickestOptions,
@@ -31,7 +33,9 @@ from hybrid_env import (
     WorldOptions,
 )
 from hybrid_env.core.memory import LANES
+from hybrid_env.live import LiveTracks
 from hybrid_env.modes import Climb, Straight, Turn, parse_modes
+from hybrid_env.rendering.evidence import mode_colour
 from hybrid_env.simulation import simulate
 
 TEXT = "straight, left 5, right 5, climb 0.5, descend 0.3"
@@ -496,3 +500,38 @@ def test_the_height_of_the_next_anchor_is_that_of_the_decision(follow):
     # The prediction of a level filter, whose rate is exact at the switch.
     expected = (weights * spread).sum(1) + 0.1
     np.testing.assert_allclose(innovations_up(env)[:, 0, 1], expected, rtol=1e-9)
+
+
+def test_a_strip_below_the_plan_shows_the_heights():
+    env = gym.make("hybrid_env:HybridTrack-v0", modes=TEXT, render_mode="rgb_array").unwrapped
+    env.reset(seed=1)
+    for _ in range(5):
+        env.step(0)
+    assert env.render().shape == (450, 900, 3)
+    history = env.history
+    for line, name in zip(
+        history.figure._strip.lines, ("z", "measured_z", "estimate_z"), strict=True
+    ):
+        np.testing.assert_array_equal(line.get_ydata(), history.column(name))
+    # 48 ticks: the scatter of the measurements is that of the option.
+    errors = history.column("measured_z") - history.column("z")
+    assert 0.2 < errors.std() < 0.5
+    colours = {mode_colour(h, env.options.all_modes) for h in range(9)}
+    assert len(colours) == 9
+
+
+@pytest.mark.parametrize("env_id", ENVS)
+def test_copies_go_on_alike(env_id):
+    env = gym.make(f"hybrid_env:{env_id}", modes=TEXT, **ENVS[env_id]).unwrapped
+    env.reset(seed=2)
+    env.step(0)
+    copies = [copy.deepcopy(env), pickle.loads(pickle.dumps(env))]
+    expected = env.step(0)
+    for each in copies:
+        np.testing.assert_equal(each.step(0), expected)
+
+
+def test_a_live_sensor_refuses_climbs():
+    allowed = "modes of the plane on a live sensor"
+    assert allowed in refused(KalmanBank, modes=TEXT)
+    assert allowed in refused(LiveTracks, QuickestOptions(modes=TEXT))
