@@ -378,6 +378,14 @@ def parse_modes(value: Any, name: str = "modes") -> tuple[Mode, ...] | None:
     return tuple(modes)
 
 
+def planar_modes(value: Any, name: str = "modes") -> tuple[Mode, ...] | None:
+    """Return what `parse_modes` does, of modes that neither climb nor descend."""
+    modes = parse_modes(value, name)
+    if modes and isinstance(modes[0], Climb):
+        raise reject(name, value, "modes of the plane")
+    return modes
+
+
 def mode_of(value: Any) -> Mode | None:
     """Return a mode, or that of a text or of a mapping; None if there is none."""
     if isinstance(value, Mapping):
