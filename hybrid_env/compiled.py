@@ -25,6 +25,7 @@ from hybrid_env.core.compilation import internal as internal
 from hybrid_env.core.compilation import prepare as prepare
 from hybrid_env.core.compilation import summing as summing
 from hybrid_env.core.memory import AWARE_HYPOTHESIS as AWARE_HYPOTHESIS
+from hybrid_env.core.memory import HEIGHT_FIELDS as HEIGHT_FIELDS
 from hybrid_env.core.memory import INNOVATION as INNOVATION
 from hybrid_env.core.memory import LANES as LANES
 from hybrid_env.core.memory import MEASURED as MEASURED

@@ -67,7 +67,7 @@ class TrackEnv(OwnState, gym.Env[Float32Array, np.int64]):
         each for the first mode of this type.
         """
         by_type = getattr(self.options, "actions", "all") == "types"
-        types = [mode.type for mode in self.options.all_modes]
+        types = [mode.planar.type for mode in self.options.all_modes]
         types = list(self.options.type_names) if by_type else types
         first = int(self.options.switches == "announced")
         last = self.options.action_count - 1
@@ -86,7 +86,7 @@ class TrackEnv(OwnState, gym.Env[Float32Array, np.int64]):
         self._terminated = self.world.terminated
         block = self.world.blocks[0]
         field = self.options.hypothesis_field
-        views = {name: block[name][..., 0] for name in self.options.tick_names}
+        views = {name: block[name][..., 0] for name in self.world.tick_names}
         views[field] = self.world.bank.hypotheses[field][0, :, 0]
         views |= {name: array[0] for name, array in self.world.drawn.items()}
         views["action_mask"] = self.world.action_mask[0]
@@ -262,6 +262,12 @@ class HybridTrackEnv(TrackEnv):
     mode, position and velocity (in sqrt(R) and per tick) of the object along and across, ticks,
     ticks_left, log_noise.
 
+    With modes that climb or descend, see `hybrid_env.modes`, a hypothesis is a pair of modes and
+    has a filter of the height besides. The row then ends with innovation_up and log_variance_up of
+    each hypothesis, over the standard deviation and the variance of a measured height, and climb,
+    the estimated way up in a tick over this deviation; with `observation="raw"` with
+    displacement_up, and with `observation="innovations"` with innovation_up.
+
     ## Rewards
     Every step has the reward `-delay_cost` for each tick since the last wait or the switch: one
     tick, or with `decide_every` up to so many. A step with a decision has an additional reward of
@@ -293,6 +299,10 @@ class HybridTrackEnv(TrackEnv):
     (M, 2) [m], `innovation_covariances` (M, 2, 2), `estimates` (M, 4) [x, vx, y, vy] and
     `covariances` (M, 4, 4). The innovations are those before the correction, and left out without
     a measurement; estimates and covariances are those after it.
+
+    With modes that climb or descend `info` also has `true_height` [z, vz], the measured `height`,
+    and `height_estimate` [z, vz], and with `bank_info=True` `heights` (M, 2) and
+    `height_covariances` (M, 2, 2).
 
     A step with a decision adds `decided_mode`, `decided_true_mode`, `correct` (by the criterion of
     the reward), `type_correct` (straight, left or right), `ticks` (the decision time since the

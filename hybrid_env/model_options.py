@@ -20,7 +20,7 @@ from hybrid_env.limits import (
     check_variances,
     distinct_radii,
 )
-from hybrid_env.modes import Mode, modes_of_radii, motion_table, parse_modes, radii_of_modes
+from hybrid_env.modes import Climb, Mode, modes_of_radii, motion_table, parse_modes, radii_of_modes
 from hybrid_env.noises import GaussianNoise, Noise, StudentNoise, parse_likelihood, parse_noise
 from hybrid_env.sensors import Radar, Sensor, parse_sensors, sensor_table
 
@@ -38,7 +38,9 @@ class ModelOptions(Checked):
             hypotheses of n radii. The short form of `modes`.
         modes: modes of object and bank, see `hybrid_env.modes`: "straight, left 5, turn rate 0.2,
             stop, accelerate 1", or a sequence of names and of mode objects. With them `radii` has
-            no effect. None is straight motion and the turns of `radii`.
+            no effect. None is straight motion and the turns of `radii`. With "climb 5" or "descend
+            5" [m/s] among them a hypothesis is a pair of modes, of the plane and of the height,
+            whose first value is 0, measured with an error of its own.
         speed: initial speed of the object [m/s].
         heading: initial heading of the object [rad], counter-clockwise from the x axis; None means
             a uniform one.
@@ -49,6 +51,8 @@ class ModelOptions(Checked):
         drift_variance: variance of the drift of each measured coordinate in a tick [m^2], as of a
             GPS, that anchor-aware and IMM filters assume; measurements have none.
         measurement_variance: R, variance of each measured coordinate [m^2], one number or (x, y).
+        climb_variance: variance of the noise added to the vertical rate at every tick [m^2/s^2].
+        height_variance: variance of a measured height [m^2], whose errors are normal.
         noise: law of the errors of measurements in units of sqrt(R), see `hybrid_env.noises`:
             "gaussian", "outliers 0.02", "levy 1.5 1 44", "student_t 3", or a law object. The bank
             does not know it.
@@ -85,6 +89,8 @@ class ModelOptions(Checked):
     object_variance: Annotated[float | tuple[float, float], check_variance_range] | None = None
     drift_variance: Annotated[QuantityOrZero, Unit("m^2")] = 0.0
     measurement_variance: Annotated[float | tuple[float, float], check_variances] = 0.1
+    climb_variance: Annotated[QuantityOrZero, Unit("m^2/s^2")] = 0.001
+    height_variance: Annotated[Quantity, Unit("m^2")] = 0.1
     noise: Annotated[str | Noise, parse_noise] = "gaussian"
     missed: Share = 0.0
     sensors: Annotated[tuple[Sensor | Radar, ...], parse_sensors] = ()
@@ -105,6 +111,9 @@ class ModelOptions(Checked):
         if self.sensors and self.variances.size > 1:
             allowed = "one number with sensors, whose variances are the same for both axes"
             raise reject("measurement_variance", self.measurement_variance, allowed)
+
+        if self.sensors and self.climbs:
+            raise reject("sensors", self.sensors, "none with modes that climb or descend")
 
     def _check_ratios(self, radii: Iterable[float]) -> None:
         """Check the ratios of the options, for radii of bank and object [m]."""
@@ -135,12 +144,17 @@ class ModelOptions(Checked):
         fastest = max(self.process_variance, self.object_variances[1], self.initial_error[1])
         motion = max(self.tau * max(self.speed, math.sqrt(fastest)), pushed)
         motion = max(motion, math.sqrt(self.drift_variance))
+        variances = {"measurement_variance": float(self.variances.min())}
+        if self.climbs:
+            fastest = max(self.climb_variance, (self.motions["climb_rate"] ** 2).max())
+            motion = max(motion, self.tau * math.sqrt(fastest))
+            variances["height_variance"] = self.height_variance
         # Standard deviations of a measurement in a tick and in a radius; a float64 has 16 digits.
         least = max(motion / 1e9, max(radii, default=0.0) / 1e12) ** 2
-        variance = float(self.variances.min())
-        if variance < least:
-            allowed = "the motion per tick and the radii are too many standard deviations"
-            raise reject("measurement_variance", variance, f"at least {least:g}: {allowed}")
+        for name, variance in variances.items():
+            if variance < least:
+                allowed = "the motion per tick and the radii are too many standard deviations"
+                raise reject(name, variance, f"at least {least:g}: {allowed}")
 
     @property
     def action_count(self) -> int:
@@ -174,6 +188,11 @@ class ModelOptions(Checked):
             return modes_of_radii(self.radii)
         assert not isinstance(self.modes, str)
         return tuple(mode for mode in self.modes if isinstance(mode, Mode))
+
+    @property
+    def climbs(self) -> bool:
+        """Whether modes say what the height does: the world has three dimensions."""
+        return isinstance(self.all_modes[0], Climb)
 
     @property
     def type_names(self) -> tuple[str, ...]:
@@ -256,6 +275,7 @@ class ModelOptions(Checked):
             "deviation_y": np.sqrt(self.variances[-1]),
             "variance_x": self.variances[0],
             "variance_y": self.variances[-1],
+            "height_rows": self.hypotheses * self.climbs,
             "log_noise": np.log(self.variances).mean(),
             "noise_whitener": 1.0 / self.deviation,
             "radii_count": len(self.radii),

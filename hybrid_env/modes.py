@@ -7,6 +7,11 @@ A mode says how the state of an object changes in a tick, x' = F x + B + w with 
 state is [x, vx, y, vy], or with accelerations [x, vx, ax, y, vy, ay] [m, m/s, m/s^2]; the position
 is measured. A mode of the user is a `LinearMode`, or a subclass of `Mode` with `matrices`. Modes of
 one type, such as all left turns, count as one with `correctness="type"`.
+
+    modes="straight, left 900, right 900, climb 5, descend 5"
+
+With climbs a hypothesis is a pair of a mode of the plane and of one of the height: here nine,
+"straight level", "straight climb 5", ..., "right 900 descend 5".
 """
 
 import functools
@@ -71,6 +76,11 @@ class Mode(Checked, ABC):
     def starting_acceleration(self) -> float:
         """Acceleration along the heading at the switch [m/s^2]."""
         return 0.0
+
+    @property
+    def planar(self) -> "Mode":
+        """The mode of the plane, without what the height does."""
+        return self
 
     @abstractmethod
     def matrices(self, tau: float) -> Matrices:
@@ -289,6 +299,54 @@ class LinearMode(Mode):
         return asdict(self)
 
 
+@dataclass(frozen=True)
+class Climb(Mode):
+    """A vertical rate that the object has from the switch on, and its mode in the plane.
+
+    Attributes:
+        rate: vertical rate [m/s]; a negative one descends, 0 is level.
+        plane: mode of the plane; None is every one of the option `modes`, which then has a mode for
+            each of its modes of the plane and each rate, 0 first.
+    """
+
+    rate: Annotated[float, Interval(ge=-1e18, le=1e18), Unit("m/s")]
+    plane: Mode | None = None
+
+    @property
+    def _side(self) -> str:
+        return "climb" if self.rate > 0.0 else "descend" if self.rate else "level"
+
+    @property
+    def planar(self) -> Mode:
+        """See `Mode.planar`."""
+        return self.plane or Straight()
+
+    @property
+    def name(self) -> str:
+        """See `Mode.name`."""
+        rate = f" {abs(self.rate):.15g}" if self.rate else ""
+        return f"{self.planar.name} {self._side}{rate}"
+
+    @property
+    def type(self) -> str:
+        """The types of both."""
+        return f"{self.planar.type} {self._side}"
+
+    @property
+    def signed_radius(self) -> float:
+        """See `Mode.signed_radius`."""
+        return self.planar.signed_radius
+
+    @property
+    def starting_acceleration(self) -> float:
+        """See `Mode.starting_acceleration`."""
+        return self.planar.starting_acceleration
+
+    def matrices(self, tau: float) -> Matrices:
+        """See `Mode.matrices`: those of the plane."""
+        return self.planar.matrices(tau)
+
+
 def as_tuples(array: FloatArray) -> tuple[Any, ...]:
     """Return the numbers of a vector, or the rows of a matrix."""
     numbers: list[Any] = array.tolist()
@@ -331,14 +389,28 @@ def parse_modes(value: Any, name: str = "modes") -> tuple[Mode, ...] | None:
         if mode is None:
             allowed = (
                 "modes of hybrid_env.modes, or their names: 'straight', 'left 5', 'right 5',"
-                " 'stop', 'stopping 2', 'accelerate 0.5', 'turn rate 0.2'"
+                " 'stop', 'stopping 2', 'accelerate 0.5', 'turn rate 0.2', 'climb 5'"
             )
             raise reject(name, part, allowed)
         modes.append(mode)
+    climbs = [mode for mode in modes if isinstance(mode, Climb)]
+    if climbs:
+        rates = dict.fromkeys([0.0, *(mode.rate for mode in climbs if mode.plane is None)])
+        planes = [mode for mode in modes if not isinstance(mode, Climb)]
+        modes = [Climb(rate, plane) for plane in planes for rate in rates]
+        modes += (mode for mode in climbs if mode.plane)
     names = [mode.name for mode in modes]
     if not 2 <= len(modes) <= most_modes or len({*names}) < len(modes):
         raise reject(name, names, f"2 to {most_modes:,} modes of different names")
     return tuple(modes)
+
+
+def planar_modes(value: Any, name: str = "modes") -> tuple[Mode, ...] | None:
+    """Return what `parse_modes` does, of modes that neither climb nor descend."""
+    modes = parse_modes(value, name)
+    if modes and isinstance(modes[0], Climb):
+        raise reject(name, value, "modes of the plane")
+    return modes
 
 
 def mode_of(value: Any) -> Mode | None:
@@ -352,6 +424,12 @@ def mode_of(value: Any) -> Mode | None:
 def mode_of_text(text: Any) -> Mode | None:
     """Return the mode of a text; None if there is none of this name."""
     words = " ".join(text.split()) if type(text) is str else ""
+    if match := re.fullmatch(r"(.*?) ?\b(?:level|(climb|descend) ?([-+\d.]\S*))", words):
+        with suppress(ValueError):
+            plane, rate = mode_of_text(match[1]), float(match[3] or 0.0)
+            if plane or not match[1]:
+                return Climb(-rate if match[2] == "descend" else rate, plane)
+        return None
     match = re.fullmatch(r"([a-z]+(?: [a-z]+)*) ?([-+\d.]\S*)?", words)
     if match is None:
         return None
@@ -384,8 +462,9 @@ def motion_table(
         square = np.ix_(places, places)
         motion["signed_radius"] = mode.signed_radius
         motion["acceleration"] = mode.starting_acceleration
-        motion["linear"] = not isinstance(mode, (Straight, Turn))
-        motion["stands"] = isinstance(mode, Stop)
+        motion["climb_rate"] = mode.rate if isinstance(mode, Climb) else 0.0
+        motion["linear"] = not isinstance(mode.planar, (Straight, Turn))
+        motion["stands"] = isinstance(mode.planar, Stop)
         motion["F"][square] = F
         motion["B"][list(places)] = B
         if Q is None:

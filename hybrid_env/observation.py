@@ -15,6 +15,8 @@ class Layout:
     Attributes:
         hypothesis_features: names of the blocks of M values, in order, and their scales.
         track_features: names of the scalars after them, in order, and their scales.
+        height_features: the same of further values at the end of the row, with modes that climb or
+            descend.
 
     >>> layout = Layout(3)
     >>> layout.width
@@ -46,36 +48,43 @@ class Layout:
         "log_noise": 1.0,
         "measured": 1.0,
     }
+    height_features: ClassVar[dict[str, float]] = {
+        "innovation_up": 1.0,
+        "log_variance_up": 1.0,
+        "climb": 1.0,
+    }
 
-    def __init__(self, hypotheses: int):
+    def __init__(self, hypotheses: int, climbs: bool = False):
         self.hypotheses = check_integer("hypotheses", hypotheses, minimum=2)
         self.slices: dict[str, slice] = {}
-        self.scales = self.scales_by_name()
+        self.scales = self.scales_by_name() | (self.height_features if climbs else {})
+        blocks = (*self.hypothesis_features, "innovation_up", "log_variance_up")
         start = 0
         for name in self.scales:
-            size = hypotheses if name in self.hypothesis_features else 1
+            size = hypotheses if name in blocks else 1
             self.slices[name] = slice(start, start + size)
             start += size
         self.width = start
 
     @classmethod
     def scales_by_name(cls) -> dict[str, float]:
-        """Return the scale of every quantity by its name, in the order of the row."""
+        """Return the scale of every quantity of the plane by its name, in the order of the row."""
         return cls.hypothesis_features | cls.track_features
 
     @classmethod
     @functools.cache
     def of_width(cls, width: int) -> Self:
-        """Return the layout of observations of a given width. Raises `ArgumentError` if there is
-        none.
+        """Return the layout of observations of a given width, one of the plane if there are two,
+        which is not so for `Layout` and `QuickestLayout`. Raises `ArgumentError` if there is none.
         """
-        blocks = len(cls.hypothesis_features)
-        singles = len(cls.track_features)
-        # Without blocks the width does not depend on the number of hypotheses.
-        hypotheses, rest = divmod(width - singles, blocks) if blocks else (3, width - singles)
-        if rest or hypotheses < 2:
-            raise reject("width", width, f"{blocks} M + {singles} for M = 2, 3, 4, ... hypotheses")
-        return cls(hypotheses)
+        for climbs in (False, True):
+            least, step = cls(2, climbs).width, cls(3, climbs).width - cls(2, climbs).width
+            # Without blocks the width does not depend on the number of hypotheses.
+            more, rest = divmod(width - least, step) if step else (1, width - least)
+            if not rest and more >= 0:
+                return cls(2 + more, climbs)
+        blocks, singles = len(cls.hypothesis_features), len(cls.track_features)
+        raise reject("width", width, f"{blocks} M + {singles} for M = 2, 3, 4, ... hypotheses")
 
     @classmethod
     def of_rows(cls, observation: AnyArray) -> Self:
@@ -96,7 +105,7 @@ class Layout:
 
         Args:
             observation: one or more observations, (..., width).
-            name: a key of `hypothesis_features` or `track_features`.
+            name: a key of `hypothesis_features`, `track_features` or `height_features`.
         """
         if not isinstance(name, str) or name not in self.slices:
             raise reject("name", name, "one of " + ", ".join(self.slices))
@@ -104,7 +113,7 @@ class Layout:
         if rows.ndim == 0 or rows.shape[-1] != self.width:
             raise reject("observation shape", rows.shape, f"(..., {self.width})")
         values = rows[..., self.slices[name]].astype(float) / self.scales[name]
-        return values if name in self.hypothesis_features else values[..., 0]
+        return values if values.shape[-1] > 1 else values[..., 0]
 
 
 class QuickestLayout(Layout):
@@ -142,6 +151,7 @@ class RawLayout(Layout):
         "speed": 1.0,
         "log_noise": 1.0,
     }
+    height_features: ClassVar[dict[str, float]] = {"displacement_up": LENGTH_SCALE}
 
 
 class StateLayout(Layout):
@@ -159,6 +169,7 @@ class StateLayout(Layout):
         "ticks_left": TICK_SCALE,
         "log_noise": 1.0,
     }
+    height_features: ClassVar[dict[str, float]] = {}
 
 
 class InnovationsLayout(Layout):
@@ -176,3 +187,4 @@ class InnovationsLayout(Layout):
         "ticks_left": TICK_SCALE,
         "measured": 1.0,
     }
+    height_features: ClassVar[dict[str, float]] = {"innovation_up": 1.0}

@@ -49,6 +49,8 @@ class HybridTrackQuickestEnv(TrackEnv):
     With radars that measure the range rate, it adds to the likelihood of a hypothesis after the
     position; innovations and their variance are those of the position.
 
+    Modes that climb or descend add to row and `info` what they do in `HybridTrackEnv`.
+
     A tick may have no measurement (`missed`, or sensors out of range). The filters then only
     predict: all innovations are zero, and the probabilities follow the Markov chain.
 

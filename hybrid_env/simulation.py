@@ -14,7 +14,7 @@ from hybrid_env.core.memory import BLOCK, LANES, PARAMETERS, SENSOR, aligned_zer
 from hybrid_env.core.noise import draw_failed
 from hybrid_env.core.true_object import MODE, begin_motion, move
 from hybrid_env.limits import Quantity, QuantityOrZero, axis_variances
-from hybrid_env.modes import Mode, modes_of_radii, motion_table, parse_modes
+from hybrid_env.modes import Mode, modes_of_radii, motion_table, planar_modes
 from hybrid_env.noises import Noise, parse_noise
 from hybrid_env.scheme import FixedScheme, parse_scheme, segment_table
 
@@ -106,7 +106,7 @@ def simulate(
     streams = sequence.generate_state(4 * number * LANES, np.uint64)
     blocks["random_state"] = streams.reshape(number, LANES, 4).swapaxes(1, 2)
     blocks["truth"] = check_array("start", start, (4,))[:, None]
-    named = parse_modes(modes)
+    named = planar_modes(modes)
     # Turns of any radius are modes of some radius in the table, which has their own.
     table = segment_table(fixed, named or modes_of_radii((1.0,)))
     lengths = np.array([piece.length for piece in fixed.pieces])

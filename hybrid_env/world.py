@@ -14,12 +14,13 @@ from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
 from hybrid_env.checks import AnyArray, BoolArray, Float32Array, FloatArray, IntArray, reject
-from hybrid_env.core.bank_ticks import read_bank_ticks
+from hybrid_env.core.bank_ticks import full_matrices, read_bank_ticks
 from hybrid_env.core.errors import ArgumentError
 from hybrid_env.core.kernels import RESET, STEP, entry_point
 from hybrid_env.core.memory import (
     DECISION,
     DECISION_FLAGS,
+    HEIGHT_NAMES,
     LANES,
     PARAMETERS,
     Arrays,
@@ -79,9 +80,12 @@ class World:
     ):
         if bank_info and options.switches == "unknown":
             raise reject("bank_info", bank_info, "False with unknown switches")
+        if live and options.climbs:
+            raise reject("modes", options.modes, "modes of the plane on a live sensor")
         self.options = options
         self.live = live
-        self.layout = options.layout_class(options.hypotheses)
+        self.layout = options.layout_class(options.hypotheses, options.climbs)
+        self.tick_names = options.tick_names + HEIGHT_NAMES * options.climbs
         self.threads = min(threads, -(-tracks // LANES))
         parameters = np.zeros(1, PARAMETERS)
         fields = options.parameters()
@@ -241,7 +245,7 @@ class World:
 
     def _flatten_blocks(self, values: AnyArray) -> AnyArray:
         """Reshape a field of all blocks, (B, ..., LANES), to (N, ...)."""
-        by_lane = values if values.ndim == 2 else values.swapaxes(1, 2)
+        by_lane = np.moveaxis(values, -1, 1)
         return by_lane.reshape(-1, *by_lane.shape[2:])[: self.actions.size]
 
     def hypothesis_values(self) -> FloatArray:
@@ -252,7 +256,7 @@ class World:
 
     def copy_tick(self) -> dict[str, AnyArray]:
         """Return copies of the current tick of every track by their names in `info`, (N, ...)."""
-        ticks = {name: self.field(name) for name in self.options.tick_names}
+        ticks = {name: self.field(name) for name in self.tick_names}
         ticks[self.options.hypothesis_field] = self.hypothesis_values()
         return ticks | {name: array.copy() for name, array in self.drawn.items()}
 
@@ -260,7 +264,12 @@ class World:
         """Return what every filter did at the present tick, see `read_bank_ticks`; empty if it
         is not recorded.
         """
-        return read_bank_ticks(self.bank_ticks) if self.bank_ticks.size else {}
+        told = read_bank_ticks(self.bank_ticks) if self.bank_ticks.size else {}
+        if told and self.options.climbs:
+            heights = self._flatten_blocks(self.bank.heights.copy())
+            covariances = full_matrices(heights[..., 2:5], 2)
+            told |= {"heights": heights[..., :2], "height_covariances": covariances}
+        return told
 
     @property
     def drawn(self) -> dict[str, FloatArray]:
@@ -324,7 +333,8 @@ class World:
             "log_error_probability": (LOG_FLOOR, 0.0),
             **dict.fromkeys(("previous", "stated", "measured", "true_mode"), (0.0, 1.0)),
             **dict.fromkeys(("ticks", "ticks_left", "stated_ticks"), (0.0, longest)),
-            **dict.fromkeys(("log_variance", "speed", "anchor_xx", "anchor_vv"), (0.0, unbounded)),
+            **dict.fromkeys(("log_variance", "log_variance_up", "speed"), (0.0, unbounded)),
+            **dict.fromkeys(("anchor_xx", "anchor_vv"), (0.0, unbounded)),
         }
         low, high = np.outer([-unbounded, unbounded], np.ones(self.layout.width)).astype(np.float32)
         for name, place in self.layout.slices.items():

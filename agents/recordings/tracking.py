@@ -30,7 +30,7 @@ from hybrid_env.checks import (
 )
 from hybrid_env.durations import parse_durations
 from hybrid_env.limits import Ticks, distinct_radii
-from hybrid_env.modes import parse_modes
+from hybrid_env.modes import planar_modes
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.sensors import Radar
@@ -96,7 +96,7 @@ class TrackingArguments(ErrorArguments):
         """Check the arguments before any work."""
         if self.radii:
             distinct_radii(self.radii)
-        parse_modes(self.modes)
+        planar_modes(self.modes)
         if self.durations is not None:
             parse_durations(self.durations)
         if self.decider and not self.live:
@@ -156,7 +156,7 @@ class TrackingArguments(ErrorArguments):
 
     def _found(self, recording: Recording, grid: TickGrid, wind: FloatArray) -> _Found:
         """Find the model of a recording in a medium with a velocity (2,)."""
-        modes = parse_modes(self.modes) or ()
+        modes = planar_modes(self.modes) or ()
         lengths = self._lengths(grid)
         seen = grid.moving(recording.times, wind) if wind.any() else grid
         nothing = seen, 0, 0.0

@@ -17,6 +17,7 @@ from baselines.recordings.track_modes import in_units
 from baselines.rules.hindsight import PROCESS_SHARE
 from hybrid_env.checks import AnyArray, BoolArray, FloatArray, IntArray
 from hybrid_env.compiled import (
+    HEIGHT_FIELDS,
     LANES,
     MEASURED_FIELDS,
     DenseImmBank,
@@ -37,7 +38,9 @@ from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.sensors import Radar, Sensor, sensor_table
 
 # What `step_imm` reads and writes of a track.
-PASS_BLOCK = lanes_of(**MEASURED_FIELDS, estimate=(float, 4), covariance=(float, 10))
+PASS_BLOCK = lanes_of(
+    **MEASURED_FIELDS, **HEIGHT_FIELDS, estimate=(float, 4), covariance=(float, 10)
+)
 
 
 class Chunks(NamedTuple):

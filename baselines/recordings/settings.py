@@ -19,7 +19,7 @@ from hybrid_env.checks import (
     reject,
 )
 from hybrid_env.json_files import read_json
-from hybrid_env.modes import Mode, parse_modes
+from hybrid_env.modes import Mode, planar_modes
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.sensors import Radar
 
@@ -29,7 +29,7 @@ FoundOrZero = Annotated[float, Interval(ge=0.0, le=1e60)]
 
 
 def _modes(value: Any, name: str) -> tuple[Mode, ...]:
-    return () if value == [] else parse_modes(value, name) or ()
+    return () if value == [] else planar_modes(value, name) or ()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -105,7 +105,8 @@ class Decider:
         """Return the decider for the modes of an environment; raise `ArgumentError` for those to
         which it does not apply. What looks a decider up calls it, and what rolls one out.
         """
-        if options.modes is not None and not self.any_modes:
+        plane = not self.any_modes or (options.climbs and self.observes == "tracks")
+        if options.modes is not None and plane:
             modes = ", ".join(map(str, options.modes))
             allowed = "straight motion, left and right turns of the same radii"
             raise reject("modes", modes, f"{allowed} for {self.title or type(self).__name__}")

@@ -16,6 +16,7 @@ from hybrid_env.core.banks.bank import (
     likeliest_of_type,
     motions_of,
 )
+from hybrid_env.core.banks.height import begin_heights, estimate_heights, heights_of, step_heights
 from hybrid_env.core.banks.posterior import (
     NOTHING,
     by_likelihood,
@@ -43,6 +44,7 @@ from hybrid_env.core.observation_row import (
     BANK_ROW,
     log_error_probability,
     mask_declarations,
+    write_heights,
     write_segment,
     write_tick,
     write_trace,
@@ -66,6 +68,7 @@ def _merge(block: Any, bank: Any, first: int, last: int) -> None:
     """Write the estimates of lanes first .. last - 1, merged over the bank, to the block."""
     compare(bank, by_likelihood, first, last)
     write_mean(bank, block, first, last)
+    estimate_heights(heights_of(bank), bank, block, None, first, last)
 
 
 @internal
@@ -96,6 +99,7 @@ def begin_bank(block: Any, lane: int, bank: Any, radii: FloatArray, setting: Any
         # Its anchor is exact.
         covariance = NOTHING
     operations.begin(bank, lane, anchor, covariance, radii, setting)
+    begin_heights(heights_of(bank), bank, block, lane)
     block.tick[lane] = 0
 
 
@@ -131,6 +135,9 @@ def run_on(block: Any, lane: int, bank: Any, arrays: Any, setting: Any) -> None:
     lowest, stop = (0, bank.hypotheses.size) if setting.merged else (chosen, chosen + 1)
     last, model = lane + np.uint64(1), filter_model(setting)
     operations.step(bank, lowest, stop, lane, last, block, arrays.sensors, model)
+    heights = heights_of(bank)
+    step_heights(heights, bank, lowest, stop, lane, last, block.height, model)
+    estimate_heights(heights, bank, block, block.active_mode, lane, last)
     if not setting.merged:
         kalman.log_likelihood[lane] = before
 
@@ -165,6 +172,8 @@ def set_anchor(block: Any, lane: int, bank: Any, merged: bool) -> None:
         chosen = block.active_mode[lane]
         write_lane(block.estimate, lane, estimate_of(bank.hypotheses, chosen, lane))
         write_lane(block.covariance, lane, operations.covariance(bank, chosen, lane))
+        heights, last = heights_of(bank), lane + np.uint64(1)
+        estimate_heights(heights, bank, block, block.active_mode, lane, last)
 
 
 @inlined
@@ -269,6 +278,9 @@ def _step_bank(b: int, block: Any, bank: Any, first: int, last: int, setting: An
     if setting.bank_rows > 0:
         write_innovations(arrays.bank_ticks, b, block, first, last, bank, setting)
     operations.step(bank, 0, bank.hypotheses.size, first, last, block, arrays.sensors, model)
+    heights = heights_of(bank)
+    step_heights(heights, bank, 0, bank.hypotheses.size, first, last, block.height, model)
+    estimate_heights(heights, bank, block, block.active_mode, first, last)
     if setting.bank_rows > 0:
         write_corrected(arrays.bank_ticks, b, first, last, bank)
     if setting.merged:
@@ -308,8 +320,10 @@ def write_rows(
             compare_types(bank, arrays.types, arrays.type_likelihoods, others, first, last)
         for lane in range(first, last):
             mask_declarations(arrays.action_mask[b * LANES + lane], others[lane], setting)
+    heights = heights_of(bank)
     for lane in range(first, last):
         row = arrays.observations[b * LANES + lane]
+        write_heights(heights, row, block, lane, setting)
         if setting.observation != BANK_ROW:
             write_twin(row, block, lane, bank, setting)
             continue

@@ -68,11 +68,10 @@ def read_bank_ticks(rows: FloatArray) -> dict[str, FloatArray]:
     """
     ends = np.cumsum(list(BANK_COLUMNS.values()))
     parts = dict(zip(BANK_COLUMNS, np.split(rows, ends[:-1], axis=-1), strict=True))
+    sizes = {"innovation_covariances": 2, "covariances": 4}
     return {
-        "innovations": parts["innovations"].copy(),
-        "innovation_covariances": full_matrices(parts["innovation_covariances"], 2),
-        "estimates": parts["estimates"].copy(),
-        "covariances": full_matrices(parts["covariances"], 4),
+        name: full_matrices(part, sizes[name]) if name in sizes else part.copy()
+        for name, part in parts.items()
     }
 
 

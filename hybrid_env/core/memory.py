@@ -111,8 +111,23 @@ MEASURED_FIELDS = {
 # What the sensors measure in a tick.
 MEASURED = lanes_of(**MEASURED_FIELDS)
 
+# Of a track whose modes climb or descend.
+HEIGHT_FIELDS = {
+    # True height and its rate [m, m/s].
+    "true_height": (float, 2),
+    # Measured [m], NaN without a measurement.
+    "height": float,
+    # Of the estimate at the switch [m].
+    "anchor_height": float,
+    # [z, vz] of the active filter, or merged over the bank, and their variances.
+    "height_estimate": (float, 2),
+    "height_variances": (float, 2),
+}
+HEIGHT_NAMES = ("true_height", "height", "height_estimate")
+"""What `info` then tells of the current tick too."""
+
 # In `info` of ticks with a measurement only.
-MEASURED_NAMES = "measurement", "innovations"
+MEASURED_NAMES = "measurement", "innovations", "height"
 TICK_NAMES = ("segment", "tick", "true_mode", "truth", "measurement", "anchor", "estimate")
 """The fields of a block that describe the current tick, in the order of `info`."""
 
@@ -165,6 +180,7 @@ BLOCK = lanes_of(
     stated_mode=int,
     # Number of consecutive statements of this mode, 0 before the first.
     stated_ticks=int,
+    **HEIGHT_FIELDS,
 )
 """State of `LANES` tracks."""
 
@@ -198,6 +214,8 @@ MOTION = np.dtype(
         ("signed_radius", np.float64),
         # Along the heading at the switch [m/s^2].
         ("acceleration", np.float64),
+        # Vertical, of a mode that climbs or descends [m/s].
+        ("climb_rate", np.float64),
         # x' = F x + B + w of a tick, w of covariance Q, which is `noise` `noise`'.
         ("F", np.float64, (MOTION_STATES, MOTION_STATES)),
         ("B", np.float64, MOTION_STATES),
@@ -226,6 +244,9 @@ TRACE_COLUMNS = (
     "active_mode",
     "segment",
     "true_mode",
+    "z",
+    "measured_z",
+    "estimate_z",
 )
 """Columns of the trace. It has one row per tick of a step, including fast-forwarded ticks; with
 unknown switches the active mode is the statement before the tick."""
@@ -457,6 +478,12 @@ class AnchorAwareBank(NamedTuple):
     likelihoods: Any = LIKELIHOODS
 
 
+HEIGHTS = Array(np.float64, ("blocks_count", "height_rows", 7, LANES), "block")
+"""The filters of the heights of the hypotheses, see `banks.height`: estimate [z, vz] [m, m/s], its
+covariance zz, zv, vv, innovation of the tick, NaN without a measurement, and its variance.
+"""
+
+
 class DenseBank(NamedTuple):
     """The same bank for modes of the user."""
 
@@ -465,6 +492,7 @@ class DenseBank(NamedTuple):
     sums: Any = SUMS
     likelihoods: Any = LIKELIHOODS
     motions: Any = Array(MOTION, ("modes",), "options")
+    heights: Any = HEIGHTS
 
 
 IMM_HYPOTHESIS = lanes_of(
@@ -505,6 +533,8 @@ class DenseImmBank(NamedTuple):
     motions: Any = Array(MOTION, ("modes",), "options")
     # Probability of a mode (column) in a tick by that in the tick before.
     transitions: Any = Array(np.float64, ("modes", "modes"), "options")
+    heights: Any = HEIGHTS
+    mixed_heights: Any = Array(np.float64, HEIGHTS.sizes[1:], "thread")
 
 
 BANKS: dict[str, type] = {
@@ -589,6 +619,9 @@ PARAMETERS = np.dtype(
                 # Q [m^2/s^2], of the drift, and R of each axis [m^2].
                 "process_variance",
                 "drift_variance",
+                # The same of the vertical rate, and R of the height.
+                "climb_variance",
+                "height_variance",
                 "variance_x",
                 "variance_y",
                 # Smallest sqrt(Q) of an object [m/s], logarithm of the largest one over it, and
@@ -642,6 +675,8 @@ PARAMETERS = np.dtype(
                 "observation",
                 # M if every tick of the bank is recorded, or 0.
                 "bank_rows",
+                # M if modes climb or descend, or 0.
+                "height_rows",
                 # Between two decisions [ticks].
                 "decide_every",
                 # Of a random scheme, and of an episode with unknown switches.

@@ -105,6 +105,8 @@ def write_trace(trace: FloatArray, block: Any, lane: int, active_mode: int) -> N
         row[4], row[5] = block.measurement[0, lane], block.measurement[1, lane]
         row[6], row[7] = block.estimate[0, lane], block.estimate[2, lane]
         row[8], row[9], row[10] = active_mode, block.segment[lane], block.true_mode[lane]
+        row[11], row[12] = block.true_height[0, lane], block.height[lane]
+        row[13] = block.height_estimate[0, lane]
         block.trace_length[lane] += 1
 
 
@@ -243,3 +245,27 @@ def write_quickest_row(
     row[6 * M] = min(setting.tau * speed * setting.noise_whitener, LARGEST_ANCHOR)
     row[6 * M + 1] = TICK_SCALE * block.stated_ticks[lane]
     row[6 * M + 2] = _measured(block, lane, setting)
+
+
+@internal
+def write_heights(
+    heights: Any, row: NDArray[np.float32], block: Any, lane: int, setting: Any
+) -> None:
+    """Write the values at the end of a row that modes with a climb have besides, in the order of
+    `Layout.height_features`.
+    """
+    if heights is None or len(heights) == 0 or setting.observation == STATE_ROW:
+        return
+    M, last, kind = len(heights), setting.width - 1, setting.observation
+    whitener = 1.0 / math.sqrt(setting.height_variance)
+    if kind == RAW_ROW:
+        shift = LENGTH_SCALE * whitener * (block.height[lane] - block.anchor_height[lane])
+        row[last] = 0.0 if math.isnan(shift) else shift
+        return
+    row[last] = setting.tau * whitener * block.height_estimate[1, lane]
+    up = row[last - 2 * M if kind == BANK_ROW else last + 1 - M :]
+    for h in range(M):
+        innovation, variance = heights[h, 5, lane], heights[h, 6, lane]
+        up[h] = 0.0 if math.isnan(innovation) else innovation / math.sqrt(variance)
+        if kind == BANK_ROW:
+            up[M + h] = max(log(variance * whitener * whitener), 0.0)

@@ -1,6 +1,6 @@
 """The true object: its start, motion with process noise on the velocity, and measurements of its
-position. Golubkov 2018, eq. (1). Without a measurement a tick has NaN; those of several sensors are
-fused.
+position, and of its height where modes climb or descend. Golubkov 2018, eq. (1). Without a
+measurement a tick has NaN; those of several sensors are fused.
 """
 
 import math
@@ -51,6 +51,9 @@ def draw_first_estimate(block: Any, noise: FloatArray, lane: int, setting: Any) 
     for k, variance in enumerate((xx, vv, yy, vv)):
         block.estimate[k, lane] = block.truth[k, lane] + math.sqrt(variance) * noise[k, lane]
     write_lane(block.covariance, lane, (xx, 0.0, 0.0, 0.0, vv, 0.0, 0.0, yy, 0.0, vv))
+    # The first height is known.
+    block.true_height[0, lane] = block.height_estimate[0, lane] = 0.0
+    block.height_variances[0, lane] = 0.0
 
 
 @internal
@@ -69,7 +72,9 @@ def begin_motion(
     write_lane(block.true_motion, lane, motion_coefficients(turn_rate, tau))
     write_lane(block.true_centre, lane, turn_centre(x, y, heading_x, heading_y, signed_radius))
     if motions is not None:
-        acceleration = motions[np.int64(segment[MODE])].acceleration
+        motion = motions[np.int64(segment[MODE])]
+        acceleration = motion.acceleration
+        block.true_height[1, lane] = motion.climb_rate
         block.true_acceleration[0, lane] = acceleration * heading_x
         block.true_acceleration[1, lane] = acceleration * heading_y
 
@@ -220,6 +225,22 @@ def _sense(
         block.measurement[0, lane] = block.measurement[1, lane] = np.nan
 
 
+@seldom
+def _climb(block: Any, noise: FloatArray, first: int, last: int, setting: Any) -> None:
+    """Move the heights of lanes first .. last - 1 by one tick, and measure those of objects whose
+    position is measured. The rate changes by process noise alone.
+    """
+    stay_apart()
+    draw_normals(block.random_state, noise, first, last, None)
+    for lane in range(first, last):
+        rate = block.true_height[1, lane]
+        height = block.true_height[0, lane] + setting.tau * rate
+        rate += math.sqrt(setting.climb_variance) * noise[0, lane]
+        write_lane(block.true_height, lane, (height, rate))
+        error = math.sqrt(setting.height_variance) * noise[1, lane]
+        block.height[lane] = np.nan if math.isnan(block.measurement[0, lane]) else height + error
+
+
 @internal
 def move(
     block: Any,
@@ -245,3 +266,5 @@ def move(
         for lane in range(first, last):
             if noise[LOST, lane] < setting.missed:
                 block.measurement[0, lane] = block.measurement[1, lane] = np.nan
+    if motions is not None and setting.height_rows > 0:
+        _climb(block, noise, first, last, setting)

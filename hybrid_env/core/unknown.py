@@ -9,12 +9,13 @@ import numpy as np
 
 from hybrid_env.core.banks import operations
 from hybrid_env.core.banks.bank import filter_model, motions_of
+from hybrid_env.core.banks.height import heights_of
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.habits import draw_from_law, draw_law, draw_mode, draw_order, draw_remaining
 from hybrid_env.core.kernel import HALTED, TERMINATED
 from hybrid_env.core.memory import LANES, arrays_of
 from hybrid_env.core.noise import integer_below, uniform
-from hybrid_env.core.observation_row import write_quickest_row, write_trace
+from hybrid_env.core.observation_row import write_heights, write_quickest_row, write_trace
 from hybrid_env.core.true_object import begin_motion, draw_first_estimate, move
 
 # Halves of the table of durations.
@@ -142,9 +143,11 @@ def write_rows(
     b: int, block: Any, bank: Any, first: int, last: int, begun: int, setting: Any
 ) -> None:
     """Write the rows of lanes first .. last - 1 of block b."""
-    arrays = arrays_of(setting)
+    arrays, heights = arrays_of(setting), heights_of(bank)
     for lane in range(first, last):
-        write_quickest_row(arrays.observations[b * LANES + lane], block, lane, bank, setting)
+        row = arrays.observations[b * LANES + lane]
+        write_quickest_row(row, block, lane, bank, setting)
+        write_heights(heights, row, block, lane, setting)
 
 
 @internal

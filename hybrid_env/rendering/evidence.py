@@ -36,19 +36,21 @@ def mode_colour(mode: int, modes: Modes) -> str:
     chosen = _mode_at(mode, of_bank)
     colour = type_colours(of_bank)[chosen.type]
     same = sorted(
-        (other for other in of_bank if other.type == chosen.type),
+        (other for other in of_bank if other.planar.type == chosen.planar.type),
         key=lambda other: abs(other.signed_radius),
     )
     return colour if len(same) == 1 else shade(colour, same.index(chosen) / (len(same) - 1) - 0.5)
 
 
 def type_colours(modes: Sequence[Mode]) -> dict[str, str]:
-    """Return the colour of each type of modes."""
+    """Return the colour of each type of modes, whatever the height does."""
     # The papers' red, blue and green in the palette of Okabe and Ito.
     type_colours = {"straight": "#d55e00", "left": "#0072b2", "right": "#009e73"}
-    others = dict.fromkeys(mode.type for mode in modes if mode.type not in type_colours)
+    planar = {mode.type: mode.planar.type for mode in modes}
+    others = dict.fromkeys(of_type for of_type in planar.values() if of_type not in type_colours)
     colours = itertools.cycle(("#cc79a7", "#e69f00", "#56b4e9", "#000000", "#f0e442"))
-    return type_colours | dict(zip(others, colours, strict=False))
+    type_colours |= dict(zip(others, colours, strict=False))
+    return type_colours | {name: type_colours[of_type] for name, of_type in planar.items()}
 
 
 def legend_colours(modes: Modes) -> dict[str, str]:

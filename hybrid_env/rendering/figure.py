@@ -1,5 +1,5 @@
-"""Frames of an episode: the track in the plane, and below it the evidence over time.
-Each frame sets new data on the artists that change; all others are in a background image. A
+"""Frames of an episode: the track in the plane, below it heights if there are any, and the evidence
+over time. Each frame sets new data on the artists that change; all others are in a background image. A
 decision has the same marker in both panels: a circle if correct, a cross if wrong.
 """
 
@@ -37,14 +37,24 @@ class EpisodeFigure:
         self._half = 0.0
         # Changed with every frame; the first one is drawn first.
         self._changing: list[Any] = []
-        self._track = self._add_axes(0.58, 0.36, "x [m]", "y [m]")
+        # Bottom and height of the panels: the plane, the heights and the evidence.
+        places = [(0.7, 0.24), (0.475, 0.14), (0.23, 0.15)]
+        if not options.climbs:
+            places = [(0.58, 0.36), (0.23, 0.24)]
+        self._track = self._add_axes(*places[0], "x [m]", "y [m]")
         self._truth = self._line(self._track, "true path", color="#b4b4b4", linewidth=4)
         self._measured = self._points(self._track, "measurement", ".", 2.5, "#8a8a8a")
         self._estimate = LineCollection([], linewidths=1.6)
         self._track.add_collection(self._estimate, autolim=False)
         self._changing.append(self._estimate)
         self._switches = self._points(self._track, "switch", "D", 5)
-        self._evidence = self._add_axes(0.23, 0.24, "time [ticks]")
+        self._strip: Any = None
+        if options.climbs:
+            self._strip = self._add_axes(*places[1], "time [ticks]", "z [m]")
+            self._strip.plot([], [], "C7-", [], [], "k.", [], [], "k-", lw=1.6, ms=2.5)
+            # With its limits.
+            self._changing.append(self._strip)
+        self._evidence = self._add_axes(*places[-1], "time [ticks]")
         self._evidence.set_title(panel.label, fontsize=9)
         self._add_panel()
         # Marks on each axes, by whether the decision is correct.
@@ -169,6 +179,11 @@ class EpisodeFigure:
         self._measured.set_data(history.points("measured_").T)
         self._switches.set_data(truth[switches].T)
         self._current.set_data(truth[-1:].T)
+        for k, line in enumerate(self._strip.lines if self._strip else ()):
+            heights = history.column(("z", "measured_z", "estimate_z")[k])
+            line.set_data(np.arange(len(truth)), heights)
+            self._strip.relim()
+            self._strip.autoscale_view()
         estimate = history.points("estimate_")
         modes = np.nan_to_num(history.column("active_mode"), nan=-1.0).astype(int)
         self._estimate.set_segments(list(np.stack([estimate[:-1], estimate[1:]], axis=1)))

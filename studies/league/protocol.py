@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from agents import Task, find_decider, select_threshold, sweep, task_of
 from baselines import Decider, Scores
-from hybrid_env import ArgumentError, Layout, QuickestLayout
+from hybrid_env import ArgumentError
 from studies.league import reward
 
 # The weights of this algorithm can be loaded, because it is imported.
@@ -100,8 +100,7 @@ def kind_of(decider: Decider, task: Task) -> str:
         return "classical"
     if decider.observes == "tracks":
         return "recurrent"
-    layout = Layout if task.waits else QuickestLayout
-    rows = np.zeros((1, layout(task.options.hypotheses).width), np.float32)
+    rows = np.zeros((1, task.options.layout_class(task.options.hypotheses).width), np.float32)
     _, state = decider.predict(rows, None, np.ones(1, np.bool_))
     return "memoryless" if state is None else "recurrent"
 

@@ -21,6 +21,7 @@ from hybrid_env.world import World
 SHORT = {"ticks": 40, "durations": "uniform 5-12"}
 BRIEF = {"scheme": "random 2x5-30"}
 SENSORS = (Sensor(variance=0.4, period=2), Sensor(variance=0.05, position=(3.0, 4.0), range=4.0))
+CLIMBS = "straight, left 5, stop, climb 1, descend 0.5"
 NEXT, SAME = AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP
 MADE = [
     ("HybridTrackPublished-v0", NEXT, BRIEF | {"noise": "levy 1.5 1 44", "bank_info": True}),
@@ -52,6 +53,13 @@ MADE = [
         BRIEF | {"decide_every": 1, "modes": every_mode(), "missed": 0.3, "bank_info": True},
     ),
     ("HybridTrackQuickest-v0", SAME, SHORT | {"modes": every_mode(), "sensors": SENSORS}),
+    (
+        "HybridTrack-v0",
+        NEXT,
+        BRIEF | {"decide_every": 3, "modes": CLIMBS, "missed": 0.3, "bank_info": True},
+    ),
+    ("HybridTrack-v0", SAME, BRIEF | {"decide_every": 1, "modes": CLIMBS, "follow": "bank"}),
+    ("HybridTrackQuickest-v0", NEXT, SHORT | {"modes": CLIMBS, "noise": "outliers 0.1"}),
 ]
 VIEWS = {
     "announced": (

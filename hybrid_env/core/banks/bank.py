@@ -35,6 +35,8 @@ class FilterModel(NamedTuple):
     freedom: float = 0.0
     exact_anchor: float = 0.0
     drift_variance: float = 0.0
+    climb_variance: float = 0.0
+    height_variance: float = 1.0
 
 
 @formula
@@ -50,6 +52,8 @@ def filter_model(setting: Any) -> FilterModel:
         setting.freedom,
         setting.exact_anchor,
         setting.drift_variance,
+        setting.climb_variance,
+        setting.height_variance,
     )
 
 
@@ -91,6 +95,7 @@ def bank_arrays(bank: Any, radii_count: int, axes: int = 1, modes: int | None = 
         "columns": radii_count + 1,
         "axes": axes,
         "blocks_count": 1,
+        "height_rows": 0,
     }
     arrays = {name: allocate(array, sizes) for name, array in declared(bank).items()}
     return bank(**arrays | {name: arrays[name][0] for name in declared(bank, "block")})

@@ -44,6 +44,13 @@ from hybrid_env.core.banks.filter import (
     predict_coordinated,
     predict_linear,
 )
+from hybrid_env.core.banks.height import (
+    begin_heights,
+    estimate_heights,
+    heights_of,
+    mix_heights,
+    step_mixed_heights,
+)
 from hybrid_env.core.banks.posterior import compare, write_covariance, write_mean
 from hybrid_env.core.banks.sensing import correct_by_sensors
 from hybrid_env.core.compilation import formula, internal, selected
@@ -107,6 +114,7 @@ def begin_imm(bank: Any, block: Any, lane: int, known: int) -> None:
         else:
             kalman.log_probability[lane] = 0.0 if h == known else NEGLIGIBLE
         kalman.log_likelihood[lane] = 0.0
+    begin_heights(heights_of(bank), bank, block, lane)
 
 
 @internal
@@ -169,6 +177,7 @@ def _mix_mode(bank: DenseImmBank, h: int, first: int, last: int) -> None:
         for lane in range(first, last):
             before = max(kalman.log_probability[lane], NEGLIGIBLE)
             weight = bank.transitions[g, h] * exp(before - mixed.log_probability[lane])
+            bank.likelihoods[g, lane] = weight
             state, p = _brought(kalman, lane, g == h)
             # Differences to the filter of the mode itself lose no digits far from the origin.
             difference = combination((1.0, -1.0), (state, read_filter(own, lane)[0]))
@@ -180,6 +189,8 @@ def _mix_mode(bank: DenseImmBank, h: int, first: int, last: int) -> None:
         difference, p = read_filter(mixed, lane)
         state = combination((1.0, 1.0), (difference, read_filter(own, lane)[0]))
         write_filter(mixed, lane, state, minus_square(widened(p), difference, 1.0))
+    if len(bank.heights) > 0:
+        mix_heights(bank, h, first, last)
 
 
 @internal
@@ -244,6 +255,7 @@ def step_imm(
                 before, moved = read_filter(kalman, lane), read_filter(mixed, lane)
                 after = correct(before, moved, block.measurement, lane, model)
                 _write(kalman, mixed, innovation, lane, after)
+    step_mixed_heights(heights_of(bank), bank, first, last, block.height, model)
     compare(bank, _log_probability, first, last)
     for h in range(bank.hypotheses.size):
         kalman = bank.hypotheses[h]
@@ -253,3 +265,4 @@ def step_imm(
             kalman.log_probability[lane] = ratio + log(bank.sums[0].inverse[lane])
     write_mean(bank, block, first, last)
     write_covariance(bank, block, first, last, covariance)
+    estimate_heights(heights_of(bank), bank, block, None, first, last)
