@@ -1,6 +1,6 @@
 """Frames of an episode: the track in the plane, below it heights if there are any, and the evidence
-over time. Each frame sets new data on the artists that change; all others are in a background image. A
-decision has the same marker in both panels: a circle if correct, a cross if wrong.
+over time. Each frame sets new data on the artists that change; all others are in a background
+image. A decision has the same marker in both panels: a circle if correct, a cross if wrong.
 """
 
 from typing import Any
