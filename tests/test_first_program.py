@@ -39,7 +39,7 @@ def run(text):
 
 def test_the_gallery_trains_as_the_start_page_for_fewer_steps():
     # The example runs whenever the site is built.
-    assert program(START, "PPO").replace("range(11)", "range(5)") in GALLERY
+    assert program(START, "PPO").replace("range(6)", "range(3)") in GALLERY
 
 
 def test_modes_of_the_readme_print_what_it_says():

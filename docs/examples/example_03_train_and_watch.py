@@ -18,10 +18,10 @@ from agents import evaluate
 
 torch.set_num_threads(1)  # fastest for a small network
 model = PPO("MlpPolicy", gym.make("hybrid_env:HybridTrack-v0"), seed=0)
-for _ in range(5):
+for _ in range(3):
     reward = evaluate(model)["reward"].value  # per segment, on the same 1,000 episodes
     print(f"PPO, {model.num_timesteps} decisions: {reward:.3f}")
-    model.learn(10_000, reset_num_timesteps=False)
+    model.learn(20_000, reset_num_timesteps=False)
 model.save("ppo.zip")  # hybridtrack evaluate ppo.zip
 for rule in ("at-once", "sprt", "msprt"):
     print(f"{rule}: {evaluate(rule)['reward'].value:.3f}")
