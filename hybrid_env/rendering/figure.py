@@ -38,7 +38,7 @@ class EpisodeFigure:
         # Changed with every frame; the first one is drawn first.
         self._changing: list[Any] = []
         # Bottom and height of the panels: the plane, the heights and the evidence.
-        places = [(0.7, 0.24), (0.475, 0.14), (0.23, 0.15)]
+        places = [(0.71, 0.23), (0.505, 0.12), (0.25, 0.15)]
         if not options.climbs:
             places = [(0.58, 0.36), (0.23, 0.24)]
         self._track = self._add_axes(*places[0], "x [m]", "y [m]")
@@ -78,6 +78,7 @@ class EpisodeFigure:
         axes.tick_params(labelsize=9)
         axes.set_xlabel(xlabel, fontsize=9)
         axes.set_ylabel(ylabel, fontsize=9)
+        axes.locator_params(axis="x", nbins=6)
         return axes
 
     def _line(self, axes: Any, name: str = "", **style: Any) -> Line2D:
@@ -132,18 +133,23 @@ class EpisodeFigure:
         named = [self._truth, self._measured, self._switches, self._current]
         if not self.panel.ribbons:
             named += self._decisions[0].values()
-        for height, artists in ((0.165, named), (0.085, handles)):
+        # Names of pairs of modes are long.
+        room, size, spacing = (95, 7.5, 0.6) if self.options.climbs else (80, 9, 1.3)
+        for height, artists, letters in (
+            (0.17, named, 80),
+            (0.085 + 0.03 * self.options.climbs, handles, room),
+        ):
             longest = max(len(str(artist.get_label())) for artist in artists)
             self.figure.legend(
                 handles=artists,
                 # As many in a row as their names leave room for.
-                ncols=max(1, min(len(artists), 80 // (longest + 7))),
+                ncols=max(1, min(len(artists), letters // (longest + 7))),
                 loc="upper center",
                 bbox_to_anchor=(0.5, height),
                 frameon=False,
-                fontsize=9,
+                fontsize=size,
                 handlelength=1.6,
-                columnspacing=1.3,
+                columnspacing=spacing,
             )
 
     def draw(self, history: History) -> NDArray[np.uint8]:
@@ -210,4 +216,5 @@ class EpisodeFigure:
         )
         word = "stated" if self.panel.ribbons else "decided"
         place = f"segment {history.segment + 1}, tick {history.tick}"
-        self._title.set_text(f"{place}: true {true}, {word} {stated}")
+        between = "\n" if self.options.climbs else " "
+        self._title.set_text(f"{place}:{between}true {true}, {word} {stated}")
