@@ -35,6 +35,7 @@ from hybrid_env import (
 from hybrid_env.core.memory import LANES
 from hybrid_env.live import LiveTracks
 from hybrid_env.modes import Climb, Straight, Turn, parse_modes
+from hybrid_env.rendering import FRAME_SIZE
 from hybrid_env.rendering.evidence import mode_colour
 from hybrid_env.simulation import simulate
 
@@ -507,7 +508,8 @@ def test_a_strip_below_the_plan_shows_the_heights():
     env.reset(seed=1)
     for _ in range(5):
         env.step(0)
-    assert env.render().shape == (450, 900, 3)
+    width, height = FRAME_SIZE
+    assert env.render().shape == (height, width, 3)
     history = env.history
     for line, name in zip(
         history.figure._strip.lines, ("z", "measured_z", "estimate_z"), strict=True

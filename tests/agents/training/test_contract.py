@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -145,13 +146,15 @@ def test_a_second_training_in_a_folder_is_refused(tmp_path):
 def test_a_damaged_checkpoint_or_one_with_code_is_refused_in_one_line(tmp_path):
     folder = interrupted("ppo", tmp_path / "run", 1280)
     content = (folder / CHECKPOINT).read_bytes()
-    middle = len(content) // 2
-    changed = content[:middle] + bytes([content[middle] ^ 1]) + content[middle + 1 :]
+    with zipfile.ZipFile(folder / CHECKPOINT) as file:
+        largest = max(file.infolist(), key=lambda part: part.file_size)
+        place = content.index(file.read(largest))
+    changed = content[:place] + bytes([content[place] ^ 1]) + content[place + 1 :]
     state = read_checkpoint(folder)
     state["tracks"]["blocks.true_mode"][:] = 99
     write_checkpoint(folder, state)
     outside = (folder / CHECKPOINT).read_bytes()
-    for damaged in (content[:middle], changed, outside, b"", pickle.dumps(os.getcwd)):
+    for damaged in (content[:place], changed, outside, b"", pickle.dumps(os.getcwd)):
         (folder / CHECKPOINT).write_bytes(damaged)
         with pytest.raises(ArgumentError, match=r"resume=.*checkpoint"):
             resume_run(folder)
