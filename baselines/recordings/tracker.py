@@ -78,6 +78,10 @@ class OnlineTracker(OwnState):
     With announced switches the gate is wider, since the mode may be wrong or unknown. A new object
     begins a track, see `begin`. Copies and pickled objects go on independently.
 
+    Attributes:
+        mode_names: names of the modes that `OnlineEstimate` counts, see `names_of_modes`: a stop
+            and a mode in which the object slows down to one are the same.
+
     Args:
         options: of the environment whose model the bank uses. Those of its simulated object, such
             as speed, noise and scheme, are used only by deciders, and `initial_error` if `begin` is
@@ -151,7 +155,6 @@ class OnlineTracker(OwnState):
                 for mode in options.all_modes
             ]
         )
-        # A stop is also that the object slows down to one.
         self.mode_names = list(dict.fromkeys(names))
         self._places = np.array([self.mode_names.index(name) for name in names])
         given = 1000.0 * self.tau if gap is None else checked("gap", gap, Positive)
