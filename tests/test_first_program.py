@@ -1,6 +1,8 @@
 """The programs that README, the start page and the gallery show first."""
 
+import ast
 import contextlib
+import importlib
 import io
 import re
 from pathlib import Path
@@ -84,3 +86,16 @@ def test_the_program_of_the_start_page_prints_what_it_says(tmp_path, monkeypatch
     *_, last = (name for name in found if name.startswith("PPO"))
     assert found[last] == pytest.approx(shown[last], abs=0.015)
     assert found["at-once"] < 0.0 < 0.5 < found[last]
+
+
+@pytest.mark.parametrize(
+    "path", sorted((ROOT / "docs" / "examples").glob("*.py")), ids=lambda path: path.stem
+)
+def test_an_example_imports_names_that_exist(path):
+    # Most of them take minutes.
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.ImportFrom) and str(node.module).startswith(
+            ("hybrid_env", "baselines", "agents")
+        ):
+            module = importlib.import_module(str(node.module))
+            assert [name.name for name in node.names if not hasattr(module, name.name)] == []

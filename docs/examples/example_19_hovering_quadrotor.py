@@ -85,7 +85,8 @@ results = compare(**flight)
 
 import matplotlib.pyplot as plt
 
-from agents.figures.tracks import UNDECIDED, draw_timelines
+from agents.figures.tracks import draw_timelines
+from baselines.scoring.timelines import NO_MODE
 from hybrid_env.rendering.evidence import mode_colour
 
 env = gym.make("hybrid_env:HybridTrack-v0", decide_every=1, **flight)
@@ -114,7 +115,7 @@ rows = {"true mode": true_mode}
 for name, decided in results.items():
     pieces = zip(decided.length[0], decided.ticks[0], decided.decided_mode[0], strict=True)
     rows[name] = np.concatenate(
-        [np.where(np.arange(length) < wait, UNDECIDED, mode) for length, wait, mode in pieces]
+        [np.where(np.arange(length) < wait, NO_MODE, mode) for length, wait, mode in pieces]
     )
 draw_timelines(bars, np.arange(len(true_mode) + 1), rows, colours, "tick", wrong={})
 plt.show()
