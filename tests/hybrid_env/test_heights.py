@@ -35,8 +35,6 @@ from hybrid_env import (
 from hybrid_env.core.memory import LANES
 from hybrid_env.live import LiveTracks
 from hybrid_env.modes import Climb, Straight, Turn, parse_modes
-from hybrid_env.rendering import FRAME_SIZE
-from hybrid_env.rendering.evidence import mode_colour
 from hybrid_env.simulation import simulate
 
 TEXT = "straight, left 5, right 5, climb 0.5, descend 0.3"
@@ -501,25 +499,6 @@ def test_the_height_of_the_next_anchor_is_that_of_the_decision(follow):
     # The prediction of a level filter, whose rate is exact at the switch.
     expected = (weights * spread).sum(1) + 0.1
     np.testing.assert_allclose(innovations_up(env)[:, 0, 1], expected, rtol=1e-9)
-
-
-def test_a_strip_below_the_plan_shows_the_heights():
-    env = gym.make("hybrid_env:HybridTrack-v0", modes=TEXT, render_mode="rgb_array").unwrapped
-    env.reset(seed=1)
-    for _ in range(5):
-        env.step(0)
-    width, height = FRAME_SIZE
-    assert env.render().shape == (height, width, 3)
-    history = env.history
-    for line, name in zip(
-        history.figure._strip.lines, ("z", "measured_z", "estimate_z"), strict=True
-    ):
-        np.testing.assert_array_equal(line.get_ydata(), history.column(name))
-    # 48 ticks: the scatter of the measurements is that of the option.
-    errors = history.column("measured_z") - history.column("z")
-    assert 0.2 < errors.std() < 0.5
-    colours = {mode_colour(h, env.options.all_modes) for h in range(9)}
-    assert len(colours) == 9
 
 
 @pytest.mark.parametrize("env_id", ENVS)

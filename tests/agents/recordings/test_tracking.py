@@ -5,9 +5,10 @@ import pytest
 from recorded_tracks import LENGTHS, OBJECTS, TRUE_MODES
 
 from agents.evaluation.registry import load_decider
-from agents.recordings.tracking import track_recording
+from agents.recordings.tracking import TrackingArguments, track_recording
 from baselines.recordings.imm_pass import TrackModel
 from hybrid_env import HybridTrackQuickestVectorEnv
+from hybrid_env.checks import ArgumentError
 from hybrid_env.simulation import simulate
 
 CAR = OBJECTS["car"]
@@ -184,3 +185,8 @@ def test_very_short_recordings_have_results(rows, options):
     assert ((tracked.modes >= 0) & (tracked.modes < tracked.probabilities.shape[1])).all()
     assert np.isfinite(tracked.estimates[-1]).all()
     assert "cannot be checked" in tracked.warnings[0]
+
+
+def test_a_recording_refuses_climbs_in_one_line():
+    with pytest.raises(ArgumentError, match=r"^modes='straight, climb 5'.*modes of the plane$"):
+        TrackingArguments(modes="straight, climb 5").check_tracking()

@@ -4,7 +4,6 @@ filters of their own refuse them.
 
 import pytest
 
-from agents.recordings.tracking import TrackingArguments
 from baselines import record_statements
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, rules
 from baselines.rules.rollout import record_decisions
@@ -44,8 +43,3 @@ def test_a_rule_decides_among_climbs_or_refuses_them_in_one_line(task, name):
         assert name not in ("ml", "ate", "msprt", "threshold", "steady")
         with pytest.raises(ArgumentError, match=r"^modes='straight level[^\n]*not allowed"):
             right()
-
-
-def test_a_recording_refuses_climbs_in_one_line():
-    with pytest.raises(ArgumentError, match=r"^modes='straight, climb 5'.*modes of the plane$"):
-        TrackingArguments(modes="straight, climb 5").check_tracking()

@@ -15,7 +15,7 @@ from hybrid_env import (
 )
 from hybrid_env.modes import Accelerate, Stop, Straight, Turn
 from hybrid_env.rendering import FRAME_SIZE
-from hybrid_env.rendering.evidence import type_colours
+from hybrid_env.rendering.evidence import mode_colour, type_colours
 from hybrid_env.rendering.frame import draw_frame
 
 
@@ -155,3 +155,23 @@ def test_modes_of_the_user_have_colours_in_a_frame(env_id):
     env.step(0)
     assert env.render().std() > 0
     assert set(type_colours(modes)) >= {mode.type for mode in modes}
+
+
+def test_a_strip_below_the_plan_shows_the_heights():
+    modes = "straight, left 5, right 5, climb 0.5, descend 0.3"
+    env = gym.make("hybrid_env:HybridTrack-v0", modes=modes, render_mode="rgb_array").unwrapped
+    env.reset(seed=1)
+    for _ in range(5):
+        env.step(0)
+    width, height = FRAME_SIZE
+    assert env.render().shape == (height, width, 3)
+    history = env.history
+    for line, name in zip(
+        history.figure._strip.lines, ("z", "measured_z", "estimate_z"), strict=True
+    ):
+        np.testing.assert_array_equal(line.get_ydata(), history.column(name))
+    # 48 ticks: the scatter of the measurements is that of the option.
+    errors = history.column("measured_z") - history.column("z")
+    assert 0.2 < errors.std() < 0.5
+    colours = {mode_colour(h, env.options.all_modes) for h in range(9)}
+    assert len(colours) == 9
