@@ -91,7 +91,7 @@ def widen_pictures(app: Any, page: str, template: str, context: Any, doctree: An
 
     def widened(picture: re.Match[str]) -> str:
         width, _ = imagesize.get(Path(app.srcdir, files[picture[2]]))
-        style = f' style="min-width: {0.72 * width:.0f}px"' if width > 620 else ""
+        style = f' style="min-width: {0.72 * width:.0f}px"' if width > 480 else ""
         return picture[1] + style
 
     if "body" in context and not page.startswith(("gallery/", "notebooks/")):
