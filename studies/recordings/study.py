@@ -273,8 +273,8 @@ def draw_lags(rows: Sequence[Row]) -> Figure | None:
                 axes.plot([places[-1]], [end], ">", color=colour, clip_on=False)
     axes.grid(alpha=0.3)
     axes.legend(
-        title="recordings (at the right: all rows known)",
-        fontsize="small",
+        title="recordings (at the right:\nall rows known)",
+        fontsize=9,
         loc="center left",
         bbox_to_anchor=(1.0, 0.5),
     )
