@@ -15,7 +15,7 @@ from baselines.recordings.projection import centred_projection
 from baselines.recordings.reading import cleaning
 from baselines.recordings.reading.columns import find_columns
 from baselines.recordings.reading.files import read_table
-from baselines.recordings.reading.names import ONE_OBJECT, split_unit
+from baselines.recordings.reading.names import ONE_OBJECT, role_of, split_unit
 from baselines.recordings.reading.places import Places, check_readable, read_polar, read_positions
 from baselines.recordings.reading.summary import summary
 from baselines.recordings.reading.table import Table
@@ -64,7 +64,8 @@ def read_recordings(
     Rows that are no measurements of their own are left out and counted: those without a time or
     with cells that cannot be read, repeated times, positions that a stale source repeats,
     comments, blank lines and repeated headers. Rows out of order are sorted. A row with
-    an empty position is a missing measurement.
+    an empty position is a missing measurement. Objects may also have two columns each, for x with
+    their name and for y without one.
 
     Args:
         path: the file.
@@ -98,6 +99,10 @@ def read_recordings(
     table = read_table(path)
     if table.frame.empty:
         raise reject("file", table.file, "rows of numbers")
+    if not columns and (pairs := _pairs(table)):
+        given = {"unit": unit, "time_unit": time_unit, "tau": tau, "gap": gap}
+        given |= {"thousands": thousands, "frame": frame, "bad_rows": bad_rows}
+        return _read_pairs(path, table, pairs, given)
     polar = ("range", "bearing", "rate")
     axes = (("x", "y"), ("lat", "lon"), polar[:2]) if radar is None else (polar[: radar.values],)
     roles = find_columns(table, columns, object_column, axes)
@@ -157,6 +162,53 @@ def read_recordings(
         left_out,
         tuple(refused),
         len(rows_of),
+    )
+
+
+def _pairs(table: Table) -> list[int]:
+    """Return the first columns of objects that have one for x, with their name, and one for y,
+    without a name; none if there are not two, or another column is a position.
+    """
+    names = [*table.names, "end"]
+    roles = [role_of(name) for name in names]
+    if {*roles} & {"x", "y", "lat", "lon", "position", "range", "bearing"}:
+        return []
+    pairs = [
+        k
+        for k in range(len(names) - 2)
+        if names[k] and not names[k + 1] and names[k + 2] and roles[k] is None
+    ]
+    return pairs if len(pairs) > 1 else []
+
+
+def _read_pairs(
+    path: str | os.PathLike[str], table: Table, pairs: list[int], given: dict[str, Any]
+) -> RecordingFile:
+    """Return what was read of a file whose objects have two columns each, see `_pairs`; `given` are
+    keywords of `read_recordings`.
+    """
+    files, recordings, refused = [], [], []
+    for k in pairs:
+        numbers = {"x": str(k + 1), "y": str(k + 2)}
+        try:
+            of_object = read_recordings(path, columns=numbers, object_column=ONE_OBJECT, **given)
+        except ArgumentError as error:
+            refused.append(f"{table.names[k]}: {error}")
+            continue
+        files.append(of_object)
+        recordings.append(replace(of_object.recordings[0], name=_writable(table.names[k])))
+    if not files:
+        raise ArgumentError(refused[0])
+    return RecordingFile(
+        tuple(recordings),
+        f"{len(files)} objects with columns for x and y each; the first: {files[0].summary}",
+        {
+            reason: sum(each.left_out.get(reason, 0) for each in files)
+            for each in files
+            for reason in each.left_out
+        },
+        (*refused, *(line for each in files for line in each.warnings)),
+        len(pairs),
     )
 
 
