@@ -3,6 +3,7 @@
 import functools
 import os
 import re
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -199,14 +200,13 @@ def _read_pairs(
         recordings.append(replace(of_object.recordings[0], name=_writable(table.names[k])))
     if not files:
         raise ArgumentError(refused[0])
+    left_out: Counter[str] = Counter()
+    for each in files:
+        left_out.update(each.left_out)
     return RecordingFile(
         tuple(recordings),
         f"{len(files)} objects with columns for x and y each; the first: {files[0].summary}",
-        {
-            reason: sum(each.left_out.get(reason, 0) for each in files)
-            for each in files
-            for reason in each.left_out
-        },
+        dict(left_out),
         (*refused, *(line for each in files for line in each.warnings)),
         len(pairs),
     )
