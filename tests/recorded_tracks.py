@@ -43,6 +43,17 @@ class Object:
     def start(self):
         return (0.0, 0.0, 0.0, self.speed)
 
+    def options(self, kind, **more):
+        """Options of an environment or a tracker of the object."""
+        return kind(
+            radii=(self.radius,),
+            speed=self.speed,
+            tau=self.tau,
+            process_variance=self.process_variance,
+            measurement_variance=self.measurement_variance,
+            **more,
+        )
+
     def times(self, ticks):
         return self.tau * np.arange(1, ticks + 1)
 

@@ -13,14 +13,7 @@ TIMES = CAR.times(len(POINTS))
 
 
 def tracker(**units):
-    options = QuickestOptions(
-        radii=(CAR.radius,),
-        speed=CAR.speed,
-        tau=CAR.tau,
-        process_variance=CAR.process_variance,
-        measurement_variance=CAR.measurement_variance,
-    )
-    return OnlineTracker(options, ThresholdDecider(0.6), **units)
+    return OnlineTracker(CAR.options(QuickestOptions), ThresholdDecider(0.6), **units)
 
 
 def run(mine, points, times):
