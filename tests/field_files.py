@@ -17,7 +17,6 @@ from scipy.interpolate import CubicHermiteSpline
 from baselines.recordings.projection import Projection
 from hybrid_env.checks import FloatArray, IntArray
 
-STRAIGHT, LEFT, RIGHT = 0, 1, 2
 PROJECTION = Projection(47.25, 9.3)
 START = pd.Timestamp("2026-05-01T10:00:00")
 DRONE = Object(8.0, 16.0, 0.1, 0.1, 1e-4)

@@ -1,12 +1,11 @@
-"""Reference filters for the tests, in matrix form as in the papers."""
+"""Reference filters for the tests, in matrix form as in the papers, and whether a filter is
+consistent.
+"""
 
 import math
 
 import numpy as np
 from scipy import stats
-
-from hybrid_env.core.memory import PublishedBank
-from hybrid_env.live import SQUARE
 
 # Degrees of freedom of the robust likelihood in the tests.
 FREEDOM = 4.0
@@ -305,19 +304,31 @@ def step_filters(filters, env, i, measurement):
         kalman.step(None if missing else measurement)
 
 
-def filters_at_switch(env, i):
-    """Return the filters of track i, before the first tick of its segment."""
-    options, anchor = env.options, env.world.field("anchor")[i]
-    P = env.world.field("covariance")[i][SQUARE]
-    model = options.tau, options.process_variance, None
-    signed = (0.0, *options.radii, *(-radius for radius in options.radii))
-    freedom = FREEDOM * (str(options.likelihood) != "gaussian")
-    if options.bank == "anchor_aware":
-        noises = freedom, options.drift_variance
-        return [MatrixExtendedKalmanFilter(anchor, P, radius, *model, *noises) for radius in signed]
-    if options.parameters()["reset_covariance"]:
-        P = np.eye(4)
-    # Which filters each axis by itself.
-    if options.bank_class is PublishedBank:
-        P = P * np.kron(np.eye(2), np.ones((2, 2)))
-    return [MatrixKalmanFilter(anchor, P, radius, *model, freedom) for radius in signed]
+BANK = {
+    "log_likelihood": lambda kalman: kalman.log_likelihood,
+    # Zero without a measurement, where the mask says so.
+    "innovations": lambda kalman: np.nan_to_num(kalman.innovation),
+    "innovation_covariances": lambda kalman: kalman.Sigma,
+    "estimates": lambda kalman: kalman.x[:4],
+    "covariances": lambda kalman: kalman.P[:4, :4],
+}
+"""What the info of an environment says of a filter of its bank."""
+
+
+def bank_values(filters):
+    """Yield names of the info, with the values of filters, a list for each track."""
+    for name, value in BANK.items():
+        yield name, np.array([[value(kalman) for kalman in of_track] for of_track in filters])
+
+
+def normalized_squares(errors, covariances):
+    """Squares (n,) of errors (n, k), each normalized by its covariance, (n, k, k)."""
+    return (errors * np.linalg.solve(covariances, errors[..., None])[..., 0]).sum(1)
+
+
+FIVE_SIGMA = stats.norm.sf(5.0)
+
+
+def inside(total, degrees):
+    """Return True if a chi-square variable is inside its two-sided bounds of 5 sigma."""
+    return FIVE_SIGMA < stats.chi2.cdf(total, degrees) < 1 - FIVE_SIGMA

@@ -13,6 +13,13 @@ LENGTHS = (60, 80, 50, 90, 70, 60, 100, 50, 60, 80, 70, 60, 90, 80)
 TRUE_MODES = np.array(["SLR".index(mode) for mode in MODES])
 
 
+def write_recording(path, times, positions, **more):
+    """Write a file of times and positions (T, 2), and return its path."""
+    x, y = positions.T
+    pd.DataFrame({"time": times, "x": x, "y": y, **more}).to_csv(path, index=False)
+    return path
+
+
 @dataclass(frozen=True)
 class Object:
     """An object and its sensor.

@@ -4,9 +4,8 @@ scale.
 
 import numpy as np
 import pytest
-from matrix_filters import FREEDOM, step_filters
+from matrix_filters import FREEDOM, bank_values, inside, normalized_squares, step_filters
 from own_modes import SCALES, Halt, ImmOfModes, described, every_mode, filters_of_modes
-from scipy import stats
 
 from hybrid_env import HybridTrackQuickestVectorEnv, HybridTrackVectorEnv, Radar, Sensor
 from hybrid_env.core.memory import LANES
@@ -58,23 +57,14 @@ def test_the_bank_equals_matrix_filters_for_every_kind_of_mode(options):
     )
     env.reset(seed=4)
     _, *_, info = env.step(np.full(LANES, len(matrices) - 1))
-    freedom = FREEDOM * ("likelihood" in options)
-    banks = [filters_of_modes(env, i, matrices, freedom) for i in range(LANES)]
-    values = {
-        # Zero without a measurement, where the mask says so.
-        "innovations": lambda kalman: np.nan_to_num(kalman.innovation),
-        "innovation_covariances": lambda kalman: kalman.Sigma.ravel(),
-        "estimates": lambda kalman: kalman.x[:4],
-        "covariances": lambda kalman: kalman.P[:4, :4].ravel(),
-    }
+    banks = [filters_of_modes(env, i, matrices) for i in range(LANES)]
     for _ in range(25):
         for i, filters in enumerate(banks):
             step_filters(filters, env, i, env.world.field("measurement")[i])
-        expected = [[kalman.log_likelihood for kalman in filters] for filters in banks]
-        agree(info["log_likelihood"], expected, "log_likelihood")
-        for name, value in values.items():
-            computed = info[name].reshape(LANES, len(matrices), -1)
-            agree(computed, [[value(kalman) for kalman in filters] for filters in banks], name)
+        for name, expected in bank_values(banks):
+            # Of a filter, or of all filters of a track.
+            shape = expected.shape[:2] + (-1,) * (expected.ndim > 2)
+            agree(info[name].reshape(shape), expected.reshape(shape), name)
         *_, info = env.step(np.zeros(LANES, np.int64))
     assert (info["tick"] == 26).all()
 
@@ -202,19 +192,13 @@ def errors_of_true_modes(tracks, scale, **options):
             }
             spreads = info["innovation_covariances"], info["covariances"]
             both = [
-                np.einsum("ni,ni->n", e, np.linalg.solve(P[every, true], e[..., None])[..., 0])
+                normalized_squares(e, P[every, true])
                 for e, P in zip(errors.values(), spreads, strict=True)
             ]
             for index, mode in enumerate(modes):
                 squares[mode].append(np.array(both)[:, true == index])
         *_, info = env.step(np.where(tick % 20 == 19, true + 1, 0))
     return {mode: np.hstack(parts) for mode, parts in squares.items()}
-
-
-def inside(squares, freedom):
-    """Return True if the sum of chi-square variables is inside its two-sided bounds of 5 sigma."""
-    share = stats.chi2.cdf(squares.sum(), freedom * squares.size)
-    return stats.norm.sf(5.0) < share < stats.norm.cdf(5.0)
 
 
 @pytest.mark.parametrize("scale", SCALES)
@@ -225,12 +209,12 @@ def inside(squares, freedom):
 def test_the_filter_of_the_true_mode_is_consistent_at_every_scale(scale, tracks):
     for mode, (innovations, errors) in errors_of_true_modes(tracks, scale).items():
         assert innovations.size > 0.25 * tracks
-        assert inside(innovations, 2), (mode, innovations.mean() / 2)
-        assert inside(errors, 4), (mode, errors.mean() / 4)
+        assert inside(innovations.sum(), 2 * innovations.size), (mode, innovations.mean() / 2)
+        assert inside(errors.sum(), 4 * errors.size), (mode, errors.mean() / 4)
 
 
 def test_the_same_bounds_are_exceeded_by_an_object_with_more_noise():
     # A mode with noise of its own has it in object and filter.
     larger = 4.0 * SCALES["car"]["process_variance"]
     for mode, (_, errors) in errors_of_true_modes(4_000, "car", object_variance=larger).items():
-        assert inside(errors, 4) == (mode.name in ("drag", "singer")), mode
+        assert inside(errors.sum(), 4 * errors.size) == (mode.name in ("drag", "singer")), mode

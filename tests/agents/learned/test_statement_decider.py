@@ -5,6 +5,7 @@ time.
 import numpy as np
 import pytest
 import torch
+from other_units import in_other_units
 
 from agents.learned.statement_decider import StatementDecider, habit_inputs
 from agents.learned.statement_net import StatementNet
@@ -77,15 +78,7 @@ def test_a_change_of_units_changes_no_statement(habits):
     """What would be observed in other units: rows have none, what the beam observes has."""
     length, time = 0.3048, 60.0
     options = QuickestOptions(ticks=150)
-    other = QuickestOptions(
-        speed=2.0 * length / time,
-        tau=0.1 * time,
-        radii=(5.0 * length,),
-        ticks=150,
-        measurement_variance=0.1 * length**2,
-        process_variance=0.001 * length**2 / time**2,
-        initial_error=(0.03 * length**2, 0.02 * length**2 / time**2),
-    )
+    other = in_other_units(options, length, time)
     stated, seen = statements_of(random_decider(habits, options), options)
     scaled = seen.copy()
     if habits:

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 import pytest
-from recorded_tracks import OBJECTS
+from recorded_tracks import OBJECTS, write_recording
 
 from agents.cli import main
 from agents.recordings.tracking import track_recording
@@ -245,10 +245,7 @@ def test_the_map_is_in_degrees_and_dates(folder):
 
 @pytest.mark.parametrize("kind", ["gpx", "geojson"])
 def test_a_plane_is_refused_where_degrees_are_needed(tmp_path, capsys, kind, drive):
-    times, run = drive
-    path = tmp_path / "drive.csv"
-    table = pd.DataFrame(run, columns=["x", "y"])
-    table.assign(t=times).to_csv(path, index=False)
+    path = write_recording(tmp_path / "drive.csv", *drive)
 
     assert main(["track", str(path), f"--{kind}"]) == 2
     [line] = capsys.readouterr().err.splitlines()

@@ -6,7 +6,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pandas as pd
 import pytest
-from recorded_tracks import OBJECTS
+from recorded_tracks import OBJECTS, write_recording
 
 from agents.cli import main
 from agents.commands import track
@@ -22,10 +22,8 @@ LENGTHS = (60, 50, 40, 70)
 @pytest.fixture
 def drive(tmp_path):
     """A recording of a car, R60 L50 S40 L70."""
-    path = tmp_path / "drive.csv"
-    x, y = CAR.simulate(1, 3, "RLSL", LENGTHS).measurements[0].T
-    pd.DataFrame({"t": CAR.times(220), "x": x, "y": y}).to_csv(path, index=False)
-    return path
+    [run] = CAR.simulate(1, 3, "RLSL", LENGTHS).measurements
+    return write_recording(tmp_path / "drive.csv", CAR.times(220), run)
 
 
 def test_known_lengths_give_a_row_for_each_piece(drive):
@@ -46,8 +44,8 @@ def test_rows_have_modes_probabilities_estimates_and_covariances(drive):
     table = pd.read_csv(drive.parent / "drive_track" / "estimates.csv")
     given = pd.read_csv(drive)
 
-    pd.testing.assert_frame_equal(table[["t", "x", "y"]], given, check_dtype=False)
-    expected = track_recording(given["t"], given[["x", "y"]])
+    pd.testing.assert_frame_equal(table[["time", "x", "y"]], given, check_dtype=False)
+    expected = track_recording(given["time"], given[["x", "y"]])
     assert (table["mode"] == np.array(["S", "L", "R"])[expected.modes]).all()
     np.testing.assert_allclose(table[["p_S", "p_L", "p_R"]], expected.probabilities)
     state = ["estimate_x", "estimate_vx", "estimate_y", "estimate_vy"]
@@ -79,8 +77,8 @@ ROWS = 60
 
 def write(path, seed=0, **more):
     generator = np.random.default_rng(seed)
-    x, y = np.cumsum(0.2 + 0.05 * generator.normal(size=(2, ROWS)), axis=1)
-    pd.DataFrame({"t": 0.1 * np.arange(ROWS), "x": x, "y": y, **more}).to_csv(path, index=False)
+    positions = np.cumsum(0.2 + 0.05 * generator.normal(size=(ROWS, 2)), axis=0)
+    write_recording(path, 0.1 * np.arange(ROWS), positions, **more)
 
 
 def test_a_broken_recording_gets_one_line_and_changes_nothing(tmp_path, capsys):
