@@ -23,11 +23,6 @@ SPEEDS = {
 }
 """Units of speeds [m/s]."""
 
-# Largest error of a way by the velocities, over the way by the positions.
-LARGEST_ERROR = 0.05
-# Factors by which a unit may be missed.
-NEAREST = 1.1
-
 
 class Velocities(NamedTuple):
     """What columns of speed and course, or of two coordinates, say."""
@@ -121,13 +116,15 @@ def find_velocities(
     factor, error, direction, velocities = min(
         found, key=lambda each: each[1], default=(1.0, np.inf, "", nothing)
     )
-    if not error < LARGEST_ERROR or factor <= 0.0:
+    # The error of the way by the velocities, over the way by the positions.
+    if not error < 0.05 or factor <= 0.0:
         share = f" ({100.0 * error:.0f} % of the way)" if np.isfinite(error) else ""
         return Velocities(nothing, f"{named} contradict the positions{share} and are not used")
     metres = METRES.get(unit or "")
     scales = {name: value / metres for name, value in SPEEDS.items()} if metres else {"units": 1.0}
     name = min(scales, key=lambda each: abs(np.log(scales[each] / factor)))
-    if abs(np.log(scales[name] / factor)) > np.log(NEAREST):
+    # A unit may be missed by a tenth.
+    if abs(np.log(scales[name] / factor)) > np.log(1.1):
         return Velocities(nothing, f"{named} are in no known unit and are not used")
     velocities = velocities * scales[name]
     far = _far_rows(times, positions, velocities)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from baselines import ThresholdDecider, record_statements
-from baselines.scoring.statements import STATEMENT_COLUMNS, Statements, measure_statements
+from baselines.scoring.statements import Statements, measure_statements
 from baselines.scoring.timelines import Timeline, TimelineCounts, count_timeline
 from hybrid_env import HybridTrackQuickestVectorEnv
 
@@ -83,13 +83,14 @@ def test_statements_at_ticks_are_counted_as_those_at_samples():
         np.repeat(generator.integers(0, 3, (40, 7)), ticks, axis=0)[:60] for ticks in (5, 2)
     )
     every = np.ones(60, np.bool_)
-    for track, counted in enumerate(measure_statements(Statements(true, stated)).values):
+    metrics = measure_statements(Statements(true, stated))
+    for track, counted in enumerate(metrics.values):
         line = Timeline(
             np.arange(60.0), true[:, track], stated[:, track], every, every * 1.0, every
         )
         counts = TimelineCounts(*count_timeline(line)[0])
         assert (
-            dict(zip(STATEMENT_COLUMNS, counted, strict=True)).items()
+            dict(zip(metrics.columns(), counted, strict=True)).items()
             >= {
                 "right": counts.agreed / counts.scored,
                 "switches": counts.switches + counts.pending,
