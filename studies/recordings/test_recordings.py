@@ -16,7 +16,6 @@ def test_the_quick_form_compares_two_deciders(tmp_path, run_study):
     assert (tmp_path / "recordings.md").read_text() in printed
     threshold, steady = rows[:2]
     assert steady["decider"] == "steady"
-    assert steady["shortest"] >= 3
     assert steady["below_3"]["value"] == 0.0
     difference = steady["agreement"]["value"] - threshold["agreement"]["value"]
     assert steady["right_less_first"]["value"] == pytest.approx(difference)
