@@ -91,6 +91,15 @@ class Object:
         return pd.DataFrame({"time": time, "lat": lat, "lon": lon, "mode": modes})
 
 
+PIECES = (60, 50, 40, 70)
+
+
+def drive():
+    """Times and measured positions (220, 2) of a car that turns as R60 L50 S40 L70."""
+    car = OBJECTS["car"]
+    return car.times(220), car.simulate(1, 3, "RLSL", PIECES).measurements[0]
+
+
 OBJECTS = {
     "readme": Object(2.0, 5.0, 0.1, np.sqrt(0.1), 1e-4),
     "walker": Object(1.4, 10.0, 1.0, 1.0),

@@ -6,6 +6,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pandas as pd
 import pytest
+import recorded_tracks
 from recorded_tracks import OBJECTS, write_recording
 
 from agents.cli import main
@@ -15,19 +16,15 @@ from agents.recordings.tracking import track_recording
 from baselines.recordings.reading.modes import read_modes
 from hybrid_env.checks import ArgumentError, reject
 
-CAR = OBJECTS["car"]
-LENGTHS = (60, 50, 40, 70)
-
 
 @pytest.fixture
 def drive(tmp_path):
     """A recording of a car, R60 L50 S40 L70."""
-    [run] = CAR.simulate(1, 3, "RLSL", LENGTHS).measurements
-    return write_recording(tmp_path / "drive.csv", CAR.times(220), run)
+    return write_recording(tmp_path / "drive.csv", *recorded_tracks.drive())
 
 
 def test_known_lengths_give_a_row_for_each_piece(drive):
-    Track(files=(drive,), lengths=LENGTHS, radii=(200.0,)).run()
+    Track(files=(drive,), lengths=recorded_tracks.PIECES, radii=(200.0,)).run()
     folder = drive.parent / "drive_track"
     pieces = pd.read_csv(folder / "modes.csv")
 
@@ -162,7 +159,7 @@ def test_every_file_is_worked_on_whatever_happens_to_the_others(tmp_path, capsys
 
 
 def test_names_are_no_formulas_of_a_spreadsheet_and_are_xml(tmp_path):
-    places = CAR.geographic(47.0, 8.0).drop(columns="mode").iloc[:60]
+    places = OBJECTS["car"].geographic(47.0, 8.0).drop(columns="mode").iloc[:60]
     names = ["=1+1", "@SUM(1)", "-1", "a\x07b"]
     path = tmp_path / "cars.csv"
     pd.concat([places.assign(id=name) for name in names]).to_csv(path, index=False)

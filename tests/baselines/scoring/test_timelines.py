@@ -5,7 +5,7 @@ ticks.
 import numpy as np
 import pytest
 
-from baselines import ThresholdDecider, record_statements
+from baselines import ThresholdDecider, record_statements, rollout
 from baselines.scoring.statements import Statements, measure_statements
 from baselines.scoring.timelines import Timeline, TimelineCounts, count_timeline
 from hybrid_env import HybridTrackQuickestVectorEnv
@@ -118,11 +118,11 @@ def test_the_reward_is_that_of_the_environment():
     decider = ThresholdDecider(0.5)
     metrics = measure_statements(record_statements(decider, 30, 8, **options), change_cost=3.0)
     env = HybridTrackQuickestVectorEnv(30, **options)
-    rows, _ = env.reset(seed=8)
     total = np.zeros(30)
-    for _ in range(120):
-        rows, rewards, *_ = env.step(decider.predict(rows)[0])
-        total += rewards
+    for now in rollout(env, decider, 8):
+        total += now.rewards
+        if now.step == 120:
+            break
 
     np.testing.assert_allclose(metrics.reward, total / 120, rtol=1e-12)
     assert metrics.wrong_changes.sum() > 0
