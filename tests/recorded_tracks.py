@@ -13,6 +13,16 @@ LENGTHS = (60, 80, 50, 90, 70, 60, 100, 50, 60, 80, 70, 60, 90, 80)
 TRUE_MODES = np.array(["SLR".index(mode) for mode in MODES])
 
 
+def directions(headings):
+    """Unit vectors (..., 2) of headings (...) from the x axis [rad]."""
+    return np.stack([np.cos(headings), np.sin(headings)], axis=-1)
+
+
+def follow(tracker, times, positions):
+    """What a live tracker returns at each position (T, 2)."""
+    return [tracker.update(tuple(z), time) for z, time in zip(positions, times, strict=True)]
+
+
 def write_recording(path, times, positions, **more):
     """Write a file of times and positions (T, 2), and return its path."""
     x, y = positions.T

@@ -9,7 +9,7 @@ from other_units import in_other_units
 
 from agents.learned.statement_decider import StatementDecider, habit_inputs
 from agents.learned.statement_net import StatementNet
-from baselines import ThresholdDecider, record_statements
+from baselines import ThresholdDecider, record_statements, rollout
 from baselines.rules.measurements import OBSERVED
 from hybrid_env import HybridTrackQuickestVectorEnv, QuickestLayout, QuickestOptions
 
@@ -30,16 +30,13 @@ def random_decider(habits, options):
 def statements_of(decider, options, ticks=150):
     """Statements (T, N) of a decider, and what it observes (T, N, width)."""
     env = HybridTrackQuickestVectorEnv(TRACKS, **vars(options))
-    env.reset(seed=3)
-    state = None
-    stated = []
-    seen = []
-    for _ in range(ticks):
-        seen.append(decider.observe(env.world).copy())
-        actions, state = decider.predict(seen[-1], state)
-        stated.append(actions)
-        env.step(actions)
-    return np.array(stated), np.array(seen)
+    stated, seen = [], []
+    for now in rollout(env, decider, 3):
+        if now.step:
+            stated.append(now.actions)
+        if now.step == ticks:
+            return np.array(stated), np.array(seen)
+        seen.append(now.seen.copy())
 
 
 def stated_again(decider, seen):
@@ -103,13 +100,11 @@ def test_an_untrained_network_is_the_threshold_rule():
 def test_inputs_of_habits_are_sums_over_the_histories_of_the_beam():
     options = QuickestOptions(durations="uniform 10-15", ticks=60)
     env = HybridTrackQuickestVectorEnv(TRACKS, **vars(options))
-    env.reset(seed=3)
     decider = random_decider(True, options)
-    state = None
-    for _ in range(60):
-        actions, state = decider.predict(decider.observe(env.world), state)
-        env.step(actions)
-    branches, logs = state.beam.branches, state.beam.log_probability
+    for now in rollout(env, decider, 3):
+        if now.step == 60:
+            break
+    branches, logs = now.state.beam.branches, now.state.beam.log_probability
     inputs = habit_inputs(branches, logs)
 
     for track in range(TRACKS):

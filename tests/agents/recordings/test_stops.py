@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
-from recorded_tracks import write_recording
+from recorded_tracks import directions, follow, write_recording
 
 from agents.cli import main
 from agents.interface.output_files import write_json
@@ -66,7 +66,7 @@ def travel(parts, speed):
         bend = SIDES[mode] and SIDES[mode] * step / value
         for _ in range(ticks):
             heading += 0.5 * bend
-            position = position + step * np.array([np.cos(heading), np.sin(heading)])
+            position = position + step * directions(heading)
             heading += 0.5 * bend
             positions.append(position)
     return np.array(positions), modes
@@ -81,7 +81,7 @@ def glide(modes, speed, radius, share):
         step += 0.1 * ((0.0 if mode == "stop" else speed) - step)
         side += share * (SIDES[mode] - side)
         heading += side * step / radius
-        position = position + step * np.array([np.cos(heading), np.sin(heading)])
+        position = position + step * directions(heading)
         positions.append(position)
     return np.array(positions)
 
@@ -185,7 +185,7 @@ def test_a_live_tracker_states_the_stops_of_the_file(tmp_path, capsys):
     settings = json.loads((tmp_path / "walk_track" / "track.json").read_text())
     assert settings["modes"][-1] == "stop"
     tracker = OnlineTracker.from_recording(tmp_path / "walk_track" / "track.json")
-    live = [tracker.update(point, time) for point, time in zip(positions, times, strict=True)]
+    live = follow(tracker, times, positions)
     stated = np.array([tracker.mode_names[now.mode] for now in live])
     decided = np.array([now.decided for now in live])
     assert (stated == rows["mode"])[decided].all()
@@ -294,7 +294,7 @@ def test_a_live_stop_is_stated_while_the_object_slows_down(length, tau):
 
     live = OnlineTracker.from_recording(tracked)
     assert live.mode_names == tracked.mode_names()
-    known = [live.update(tuple(z), tau * k) for k, z in enumerate(measured)]
+    known = follow(live, tau * np.arange(len(truth)), measured)
     assert (
         np.mean([now.mode == mode for now, mode in zip(known, tracked.modes, strict=True)]) > 0.99
     )

@@ -9,6 +9,7 @@ import pandas as pd
 import pyais
 import pyproj
 import pytest
+from recorded_tracks import directions
 
 from baselines.recordings.projection import centred_projection
 from hybrid_env.checks import ArgumentError
@@ -17,7 +18,7 @@ ROWS = 120
 STEP = 2.5
 T = STEP * np.arange(ROWS)
 HEADING = np.cumsum(np.where(np.arange(ROWS) // 30 % 2 == 0, 0.0, 0.1))
-X, Y = np.cumsum(30.0 * np.array([np.cos(HEADING), np.sin(HEADING)]), axis=1)
+X, Y = np.cumsum(30.0 * directions(HEADING), axis=0).T
 LAT, LON = 47.25 + 9e-6 * Y, 9.3 + 13e-6 * X
 DATES = pd.Timestamp("2026-05-13T11:58:00") + pd.to_timedelta(T, unit="s")
 UNIX = DATES.to_numpy().astype("datetime64[ms]").astype(np.int64) / 1e3
