@@ -233,6 +233,10 @@ class LiteralImm:
         F = turn_matrix(x, self.curvatures[j], self.tau)
         return F @ x, F @ P @ F.T + self.GQG
 
+    def stands(self, j):
+        """Whether the object stands in mode j."""
+        return False
+
     def merged(self, weights):
         """Return mean and covariance of the mixture of the filters."""
         mean = sum(w * x for w, x in zip(weights, self.states, strict=True))
@@ -251,7 +255,8 @@ class LiteralImm:
         for j, begun in enumerate(mixed):
             x, P = self.predicted(j, *begun)
             if z is not None or self.rates:
-                x, P, likelihood = correct(x, P, z, self.R, self.rates, self.freedom)
+                heavy = self.freedom, self.stands(j)
+                x, P, likelihood = correct(x, P, z, self.R, self.rates, *heavy)
                 self.log_likelihood[j] = likelihood
             self.states[j], self.covariances[j] = x, P
         self.probability = prior * np.exp(self.log_likelihood - self.log_likelihood.max())

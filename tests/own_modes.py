@@ -177,6 +177,10 @@ class ImmOfModes(LiteralImm):
         super().__init__(*start, self.modes, transition, tau, Q, (1.0, 1.0), freedom)
         self.GQG = linalg.block_diag(self.GQG, np.zeros((2, 2)))
 
+    def stands(self, j):
+        """Whether the object stands in mode j."""
+        return isinstance(self.modes[j][0], Stop)
+
     def mixed(self, j, weights):
         """Return state and covariance in which filter j begins a tick."""
         without = np.diag([1.0, 1.0, 1.0, 1.0, 0.0, 0.0])

@@ -11,24 +11,18 @@ from hybrid_env import HybridTrackQuickestVectorEnv, HybridTrackVectorEnv, Radar
 from hybrid_env.core.memory import LANES
 
 SENSORS = (Sensor(variance=2.0, period=2), Sensor(variance=0.5, position=(9.0, 5.0), range=30.0))
+DOPPLER = (
+    Radar(range_deviation=1.0, bearing_deviation=0.01, rate_deviation=0.3, position=(0.0, -60.0)),
+    Sensor(variance=2.0, velocity_variance=0.04),
+)
 UNEQUAL = {"measurement_variance": (0.5, 2.0)}
 ANNOUNCED = {
     "published": {"reset_covariance": True} | UNEQUAL,
+    "published, merged": {"follow": "bank", "reset_covariance": True} | UNEQUAL,
     "published, robust": {"likelihood": f"student_t {FREEDOM}", "missed": 0.3, "noise": "levy 1.4"},
     "aware, missed": {"bank": "anchor_aware", "missed": 0.3} | UNEQUAL,
     "aware, sensors": {"bank": "anchor_aware", "sensors": SENSORS, "missed": 0.2},
-    "aware, range rates": {
-        "bank": "anchor_aware",
-        "sensors": (
-            Radar(
-                range_deviation=1.0,
-                bearing_deviation=0.01,
-                rate_deviation=0.3,
-                position=(0.0, -60.0),
-            ),
-            Sensor(variance=2.0, velocity_variance=0.04),
-        ),
-    },
+    "aware, range rates": {"bank": "anchor_aware", "sensors": DOPPLER},
 }
 
 
@@ -72,6 +66,7 @@ def test_the_bank_equals_matrix_filters_for_every_kind_of_mode(options):
 UNKNOWN = {
     "unequal": UNEQUAL,
     "sensors, missed": {"sensors": SENSORS, "missed": 0.3},
+    "range rates": {"sensors": DOPPLER, "missed": 0.3},
     "robust": {"likelihood": f"student_t {FREEDOM}", "missed": 0.2, "noise": "outliers 0.2"},
 }
 
@@ -115,50 +110,6 @@ def test_the_imm_bank_equals_the_literal_one_for_any_transition_matrix(options):
         agree(np.exp(info["log_probability"]), probability, "probability")
         agree(info["estimate"], [filters.estimate[:4] for filters in literal], "estimate")
         *_, info = env.step(np.zeros(LANES, np.int64))
-
-
-FAST = {
-    "published": (HybridTrackVectorEnv, {}),
-    "aware": (HybridTrackVectorEnv, {"bank": "anchor_aware", "missed": 0.2}),
-    # Else the published bank neglects that the merged axes are correlated.
-    "merged": (HybridTrackVectorEnv, {"follow": "bank", "reset_covariance": True} | UNEQUAL),
-    "aware, radar": (
-        HybridTrackVectorEnv,
-        {"bank": "anchor_aware", "sensors": ("radar 5 0.01 rate 0.3", "0.4 period 5")},
-    ),
-    "unknown": (HybridTrackQuickestVectorEnv, UNEQUAL),
-    "unknown, robust": (
-        HybridTrackQuickestVectorEnv,
-        {"likelihood": "student_t 4", "missed": 0.2, "start": "random"},
-    ),
-    "unknown, radar": (
-        HybridTrackQuickestVectorEnv,
-        {"sensors": ("radar 5 0.01 rate 0.3", "0.4 period 5")},
-    ),
-}
-
-
-@pytest.mark.parametrize("name", FAST)
-def test_dense_filters_of_straight_motion_and_turns_equal_the_fast_bank(name, monkeypatch):
-    make, options = FAST[name]
-    fast = make(LANES, **options)
-    with monkeypatch.context() as patch:
-        # Else these modes have the fast bank.
-        patch.setattr("hybrid_env.model_options.modes_of_radii", lambda radii: ())
-        dense = make(LANES, modes="straight, left 5, right 5", **options)
-    assert "motions" in type(dense.world.bank)._fields
-    assert "motions" not in type(fast.world.bank)._fields
-    rows, expected = (env.reset(seed=3)[0] for env in (dense, fast))
-    generator = np.random.default_rng(0)
-    for _ in range(300):
-        np.testing.assert_allclose(rows, expected, rtol=1e-6, atol=1e-6)
-        for field in ("estimate", "covariance"):
-            agree(dense.world.field(field), fast.world.field(field), field)
-        agree(dense.world.hypothesis_values(), fast.world.hypothesis_values(), "likelihood")
-        actions = generator.integers(0, fast.single_action_space.n, LANES)
-        actions *= generator.random(LANES) < 0.05
-        (rows, rewards, *_), (expected, others, *_) = dense.step(actions), fast.step(actions)
-        np.testing.assert_array_equal(rewards, others)
 
 
 def errors_of_true_modes(tracks, scale, **options):
