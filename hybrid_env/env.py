@@ -22,7 +22,7 @@ from hybrid_env.checks import (
 from hybrid_env.core.kernel import DECIDED
 from hybrid_env.core.memory import MEASURED_NAMES
 from hybrid_env.options import WorldOptions
-from hybrid_env.rendering import RENDER_FPS, RENDER_MODES
+from hybrid_env.rendering import METADATA
 from hybrid_env.rendering.frame import draw_frame
 from hybrid_env.rendering.history import History
 from hybrid_env.world import World, stream_state
@@ -31,10 +31,7 @@ from hybrid_env.world import World, stream_state
 class TrackEnv(OwnState, gym.Env[Float32Array, np.int64]):
     """An environment of one track; each environment has a subclass that names its options."""
 
-    metadata: ClassVar[Info] = {  # type: ignore[misc]
-        "render_modes": RENDER_MODES,
-        "render_fps": RENDER_FPS,
-    }
+    metadata: ClassVar[Info] = METADATA  # type: ignore[misc]
 
     options_class: Any
     # Ticks of the running episode; None without a render mode.

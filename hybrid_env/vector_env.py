@@ -28,13 +28,10 @@ from hybrid_env.checks import (
 from hybrid_env.core.memory import MEASURED_NAMES
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
-from hybrid_env.rendering import RENDER_FPS, RENDER_MODES
+from hybrid_env.rendering import METADATA
 from hybrid_env.rendering.frame import draw_frame
 from hybrid_env.rendering.history import History
 from hybrid_env.world import World, random_states
-
-Step = tuple[Float32Array, FloatArray, BoolArray, BoolArray, Info]
-"""Observations (N, width), rewards, terminated and truncated (N,), and info."""
 
 
 class TrackVectorEnv(OwnState, VectorEnv[Float32Array, IntArray, AnyArray]):
@@ -62,11 +59,7 @@ class TrackVectorEnv(OwnState, VectorEnv[Float32Array, IntArray, AnyArray]):
         modes = {mode.value: mode for mode in AutoresetMode}
         given = getattr(autoreset_mode, "value", autoreset_mode)
         self.autoreset_mode = modes[check_choice("autoreset_mode", given, modes)]
-        self.metadata = {
-            "render_modes": RENDER_MODES,
-            "render_fps": RENDER_FPS,
-            "autoreset_mode": self.autoreset_mode,
-        }
+        self.metadata = {**METADATA, "autoreset_mode": self.autoreset_mode}
         self.render_mode = render_mode
         self.options = of_keywords(self.options_class, options, ["render_mode"])
         self.tick_info = checked("tick_info", tick_info, bool)
@@ -139,7 +132,9 @@ class TrackVectorEnv(OwnState, VectorEnv[Float32Array, IntArray, AnyArray]):
             info |= self._decision_info(np.zeros(self.num_envs, bool))
         return self.world.take_rows(), info
 
-    def step(self, actions: IntArray) -> Step:
+    def step(
+        self, actions: IntArray
+    ) -> tuple[Float32Array, FloatArray, BoolArray, BoolArray, Info]:
         """Step every track. Returns observations, rewards, terminated, truncated and info as
         fresh arrays.
 

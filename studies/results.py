@@ -38,6 +38,12 @@ def markdown_table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "".join([head, "|" + "---|" * len(heads) + "\n", *lines])
 
 
+def with_half(estimate: Estimate, digits: int = 3, sign: str = "") -> str:
+    """Return the value of an estimate and half the width of its interval; "+" shows the sign."""
+    half = 0.5 * (estimate.high - estimate.low)
+    return f"{estimate.value:{sign}.{digits}f} ± {half:.{digits}f}"
+
+
 def in_brackets(estimate: Estimate, digits: int, sign: str = "") -> str:
     """Return the value of an estimate with its confidence interval in one line; "+" shows the
     signs.

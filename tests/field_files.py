@@ -11,20 +11,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 from made_up_glider import degrees_of
-from recorded_tracks import Object
+from recorded_tracks import LENGTHS, TRUE_MODES, Object
 from scipy.interpolate import CubicHermiteSpline
 
 from baselines.recordings.projection import Projection
 from hybrid_env.checks import FloatArray, IntArray
-from hybrid_env.simulation import simulate
 
-STRAIGHT, LEFT, RIGHT = 0, 1, 2
 PROJECTION = Projection(47.25, 9.3)
 START = pd.Timestamp("2026-05-01T10:00:00")
-MODES = "RLSLSRLRSLSRLS"
-# Rows of each piece.
-LENGTHS = (60, 80, 50, 90, 70, 60, 100, 50, 60, 80, 70, 60, 90, 80)
-
 DRONE = Object(8.0, 16.0, 0.1, 0.1, 1e-4)
 ROBOT = Object(0.6, 0.9, 0.1, 0.01, 1e-4)
 RUNNER = Object(3.2, 20.0, 1.0, 1.0)
@@ -127,18 +121,7 @@ def _of_object(name, who, target, seed, jitter, generator):
     if target is AIRCRAFT:
         # It stays in the range of the radar.
         lengths //= 2
-    words = [
-        f"{mode}{length}" + ("" if mode == "S" else f"r{target.radius}")
-        for mode, length in zip(MODES, lengths, strict=True)
-    ]
-    truth = simulate(
-        " ".join(words),
-        1,
-        seed,
-        start=target.start,
-        tau=target.tau,
-        process_variance=target.process_variance,
-    ).truth[0]
+    truth = target.simulate(1, seed, lengths=lengths).truth[0]
     ticks = target.times(len(truth))
     times = ticks
     if target is SHIP:
@@ -159,7 +142,7 @@ def _of_object(name, who, target, seed, jitter, generator):
         points = points + target.deviation * noise
         degrees = name in ("drone", "run")
         positions = np.round(degrees_of(PROJECTION, points), 8) if degrees else np.round(points, 4)
-    pieces = np.repeat(["SLR".index(mode) for mode in MODES], lengths)
+    pieces = np.repeat(TRUE_MODES, lengths)
     # The mode of a tick is that of the step to it.
     modes = pieces[np.searchsorted(ticks, times - 1e-6)]
     return Rows(name, times, positions, modes, np.full(len(times), who))

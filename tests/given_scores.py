@@ -9,7 +9,7 @@ from agents.comparison.comparison import Comparison
 from agents.evaluation.report import Result
 from agents.evaluation.task import task_of
 from baselines.rules.decider import rules
-from baselines.scoring import decisions
+from baselines.scoring.decisions import Decisions
 from baselines.scoring.scores import Scores
 
 ANNOUNCED = task_of("hybrid_env:HybridTrackPublished-v0", {"scheme": "random 1000x50"})
@@ -31,7 +31,7 @@ def announced_scores(name, accuracy, ticks):
     accuracy, ticks = np.array(accuracy), np.array(ticks)
     return scores_of(
         name,
-        decisions.DECISION_COLUMNS,
+        Decisions.columns,
         extra={"confusion": np.zeros((len(ticks), 3, 3), int)},
         accuracy=accuracy,
         type_accuracy=accuracy,

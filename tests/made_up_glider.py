@@ -2,6 +2,7 @@
 
 import numpy as np
 from pyproj import Proj
+from recorded_tracks import directions
 
 from baselines.recordings.projection import Projection
 
@@ -28,7 +29,7 @@ def fly(seed, noise=0.3):
     wanted = np.radians(18.0) * np.array([0.0, 1.0, -1.0])[modes]
     rates = np.convolve(np.pad(wanted, (3, 0), "edge"), np.ones(4) / 4.0, "valid")
     heading = np.cumsum(rates) + generator.uniform(0.0, 2.0 * np.pi)
-    velocity = 10.0 * np.column_stack([np.cos(heading), np.sin(heading)]) + (3.0, -1.0)
+    velocity = 10.0 * directions(heading) + (3.0, -1.0)
     positions = np.cumsum(velocity, axis=0) + noise * generator.standard_normal((len(modes), 2))
     return (modes, positions, 1500.0 + np.cumsum(np.where(modes > 0, 1.5, -1.0)))
 

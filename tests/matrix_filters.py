@@ -1,12 +1,11 @@
-"""Reference filters for the tests, in matrix form as in the papers."""
+"""Reference filters for the tests, in matrix form as in the papers, and whether a filter is
+consistent.
+"""
 
 import math
 
 import numpy as np
 from scipy import stats
-
-from hybrid_env.core.memory import PublishedBank
-from hybrid_env.live import SQUARE
 
 # Degrees of freedom of the robust likelihood in the tests.
 FREEDOM = 4.0
@@ -19,74 +18,67 @@ def correct(x, P, z, R, rates=(), freedom=0, stands=False):
     position is normal, or Student's t with degrees of freedom. Of an object that stands velocities
     and range rates are expected to be 0. Return state, covariance and log-likelihood.
     """
-    if z is None:
-        return correct_beside(x, P, rates, stands)
-    H = np.zeros((2, len(x)))
-    H[0, 0] = H[1, 2] = 1.0
+    likelihood = 0.0
+    if z is not None:
+        H = np.zeros((2, len(x)))
+        H[0, 0] = H[1, 2] = 1.0
+        x, P, likelihood = correct_by(x, P, z - H @ x, H, R, freedom)
+    for rate, place, deviation, *kind in rates:
+        added = 0.0
+        if kind:
+            H = jacobian(lambda state, seen=(place, kind[0], x): polar(state, *seen), x)[None]
+            error = rate - polar(x, place, kind[0], x)
+            error -= 2 * np.pi * np.round(error / (2 * np.pi)) * (kind[0] == "bearing")
+        elif stands:
+            likelihood += stats.norm.logpdf(rate, scale=deviation).sum()
+            continue
+        elif place is None:
+            H = np.eye(len(x))[[1, 3]]
+            error = rate - H @ x
+        else:
+            H = jacobian(lambda state, place=place: range_rate(state, place), x)[None]
+            error = rate - range_rate(x, place)
+            along, across = (x[[0, 2]] - place) / np.hypot(*(x[[0, 2]] - place))
+            angle = np.array([-across, along]) @ P[:3:2, :3:2] @ [-across, along]
+            angle /= np.sum((x[[0, 2]] - place) ** 2)
+            # Of second order in the direction to the object.
+            added = 0.5 * angle**2 * np.sum(x[[1, 3]] ** 2) + angle * (P[1, 1] + P[3, 3])
+        spread = (deviation**2 + added) * np.eye(len(H))
+        x, P, more = correct_by(x, P, np.atleast_1d(error), H, spread)
+        likelihood += more
+    return x, P, likelihood
+
+
+def correct_by(x, P, error, H, R, freedom=0):
+    """Correct a filter by an error (m,) of what is measured with covariance R, (m, m), and depends
+    on the state by H, (m, n). Return state, covariance and log-likelihood.
+    """
     Sigma = H @ P @ H.T + R
-    innovation = z - H @ x
-    squared = innovation @ np.linalg.solve(Sigma, innovation)
+    squared = error @ np.linalg.solve(Sigma, error)
     weight = 1.0
     likelihood = -0.5 * (squared + math.log(np.linalg.det(2 * math.pi * Sigma)))
     if freedom:
         weight = min((freedom + 2) / (freedom + squared), 1.0)
-        likelihood = stats.multivariate_t(shape=Sigma, df=freedom).logpdf(innovation)
+        likelihood = stats.multivariate_t(shape=Sigma, df=freedom).logpdf(error)
     K = P @ H.T @ np.linalg.inv(Sigma)
-    x, P = x + weight * K @ innovation, P - K @ H @ P
-    x, P, more = correct_beside(x, P, rates, stands)
-    return x, P, likelihood + more
+    return x + weight * K @ error, P - K @ H @ P, likelihood
 
 
-def correct_beside(x, P, rates, stands):
-    """Correct a filter by what is measured beside a position, as `correct`."""
-    likelihood = 0.0
-    for rate, place, deviation, *kind in rates:
-        if kind:
+def polar(state, place, kind, now):
+    """Return the range or the bearing of a state; `now` is a state nearby."""
+    away = state[[0, 2]] - place
+    if kind == "range":
+        return np.sqrt(away @ away)
+    # Complex steps have no arc tangent of two numbers.
+    along = (now[[0, 2]] - place) / np.hypot(*(now[[0, 2]] - place))
+    turned = (along[0] * away[1] - along[1] * away[0]) / (along @ away)
+    return np.arctan2(along[1], along[0]) + np.arctan(turned)
 
-            def polar(state, place=place, kind=kind[0], now=x):
-                away = state[[0, 2]] - place
-                # Complex steps have no arc tangent of two numbers.
-                along = (now[[0, 2]] - place) / np.hypot(*(now[[0, 2]] - place))
-                if kind == "range":
-                    return np.sqrt(away @ away)
-                turned = (along[0] * away[1] - along[1] * away[0]) / (along @ away)
-                return np.arctan2(along[1], along[0]) + np.arctan(turned)
 
-            H = jacobian(polar, x)
-            error = rate - polar(x)
-            error -= 2 * np.pi * np.round(error / (2 * np.pi)) * (kind[0] == "bearing")
-            sigma = H @ P @ H + deviation**2
-            K = P @ H / sigma
-            x, P = x + K * error, P - np.outer(K, H @ P)
-            likelihood += stats.norm.logpdf(error, scale=math.sqrt(sigma))
-            continue
-        if stands:
-            likelihood += stats.norm.logpdf(rate, scale=deviation).sum()
-            continue
-        if place is None:
-            H = np.eye(len(x))[[1, 3]]
-            Sigma = H @ P @ H.T + deviation**2 * np.eye(2)
-            error = rate - H @ x
-            K = P @ H.T @ np.linalg.inv(Sigma)
-            x, P = x + K @ error, P - K @ H @ P
-            likelihood += stats.multivariate_normal(cov=Sigma).logpdf(error)
-            continue
-
-        def range_rate(state, place=place):
-            from_radar = state[[0, 2]] - place
-            return from_radar @ state[[1, 3]] / np.sqrt(from_radar @ from_radar)
-
-        H = jacobian(range_rate, x)
-        along, across = (x[[0, 2]] - place) / np.hypot(*(x[[0, 2]] - place))
-        angle = np.array([-across, along]) @ P[:3:2, :3:2] @ [-across, along]
-        angle /= np.sum((x[[0, 2]] - place) ** 2)
-        second_order = 0.5 * angle**2 * np.sum(x[[1, 3]] ** 2) + angle * (P[1, 1] + P[3, 3])
-        sigma = H @ P @ H + deviation**2 + second_order
-        error = rate - range_rate(x)
-        K = P @ H / sigma
-        x, P = x + K * error, P - np.outer(K, H @ P)
-        likelihood += stats.norm.logpdf(error, scale=math.sqrt(sigma))
-    return x, P, likelihood
+def range_rate(state, place):
+    """Return the range rate of a state."""
+    away = state[[0, 2]] - place
+    return away @ state[[1, 3]] / np.sqrt(away @ away)
 
 
 class MatrixFilter:
@@ -241,6 +233,10 @@ class LiteralImm:
         F = turn_matrix(x, self.curvatures[j], self.tau)
         return F @ x, F @ P @ F.T + self.GQG
 
+    def stands(self, j):
+        """Whether the object stands in mode j."""
+        return False
+
     def merged(self, weights):
         """Return mean and covariance of the mixture of the filters."""
         mean = sum(w * x for w, x in zip(weights, self.states, strict=True))
@@ -259,7 +255,8 @@ class LiteralImm:
         for j, begun in enumerate(mixed):
             x, P = self.predicted(j, *begun)
             if z is not None or self.rates:
-                x, P, likelihood = correct(x, P, z, self.R, self.rates, self.freedom)
+                heavy = self.freedom, self.stands(j)
+                x, P, likelihood = correct(x, P, z, self.R, self.rates, *heavy)
                 self.log_likelihood[j] = likelihood
             self.states[j], self.covariances[j] = x, P
         self.probability = prior * np.exp(self.log_likelihood - self.log_likelihood.max())
@@ -305,19 +302,31 @@ def step_filters(filters, env, i, measurement):
         kalman.step(None if missing else measurement)
 
 
-def filters_at_switch(env, i):
-    """Return the filters of track i, before the first tick of its segment."""
-    options, anchor = env.options, env.world.field("anchor")[i]
-    P = env.world.field("covariance")[i][SQUARE]
-    model = options.tau, options.process_variance, None
-    signed = (0.0, *options.radii, *(-radius for radius in options.radii))
-    freedom = FREEDOM * (str(options.likelihood) != "gaussian")
-    if options.bank == "anchor_aware":
-        noises = freedom, options.drift_variance
-        return [MatrixExtendedKalmanFilter(anchor, P, radius, *model, *noises) for radius in signed]
-    if options.parameters()["reset_covariance"]:
-        P = np.eye(4)
-    # Which filters each axis by itself.
-    if options.bank_class is PublishedBank:
-        P = P * np.kron(np.eye(2), np.ones((2, 2)))
-    return [MatrixKalmanFilter(anchor, P, radius, *model, freedom) for radius in signed]
+BANK = {
+    "log_likelihood": lambda kalman: kalman.log_likelihood,
+    # Zero without a measurement, where the mask says so.
+    "innovations": lambda kalman: np.nan_to_num(kalman.innovation),
+    "innovation_covariances": lambda kalman: kalman.Sigma,
+    "estimates": lambda kalman: kalman.x[:4],
+    "covariances": lambda kalman: kalman.P[:4, :4],
+}
+"""What the info of an environment says of a filter of its bank."""
+
+
+def bank_values(filters):
+    """Yield names of the info, with the values of filters, a list for each track."""
+    for name, value in BANK.items():
+        yield name, np.array([[value(kalman) for kalman in of_track] for of_track in filters])
+
+
+def normalized_squares(errors, covariances):
+    """Squares (n,) of errors (n, k), each normalized by its covariance, (n, k, k)."""
+    return (errors * np.linalg.solve(covariances, errors[..., None])[..., 0]).sum(1)
+
+
+FIVE_SIGMA = stats.norm.sf(5.0)
+
+
+def inside(total, degrees):
+    """Return True if a chi-square variable is inside its two-sided bounds of 5 sigma."""
+    return FIVE_SIGMA < stats.chi2.cdf(total, degrees) < 1 - FIVE_SIGMA

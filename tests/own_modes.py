@@ -4,6 +4,7 @@ form.
 
 import numpy as np
 from matrix_filters import (
+    FREEDOM,
     LiteralImm,
     MatrixExtendedKalmanFilter,
     MatrixFilter,
@@ -13,6 +14,8 @@ from matrix_filters import (
 )
 from scipy import linalg
 
+from hybrid_env.core.memory import PublishedBank
+from hybrid_env.live import SQUARE
 from hybrid_env.modes import Accelerate, LinearMode, Mode, Stop, Straight, Turn, TurnRate
 
 SCALES = {
@@ -120,37 +123,46 @@ class LinearFilter(MatrixFilter):
         return self.F @ self.x + self.B, self.F @ self.P @ self.F.T + self.Q
 
 
-def linear_filter(anchor, P, mode, tau, Q, R):
-    """Return the filter of a linear mode with an exact acceleration."""
-    F, B, _ = mode.matrices(tau)
-    noise = np.kron(np.eye(2), np.diag([0.0, Q, 0.0][: len(F) // 2]))
-    kalman = LinearFilter(anchor, P, (F, B, noise, mode.starting_acceleration), exact=True)
-    kalman.R = R
-    return kalman
+def filter_of_mode(options, mode, anchor, P, exact=False):
+    """Return the filter of a mode of options; an exact anchor has no error of the centre of a
+    turn.
+    """
+    motion, Q = options.all_modes[mode], options.process_variance
+    R = np.broadcast_to(options.variances, 2)
+    if isinstance(motion, (Stop, Accelerate)):
+        F, B, _ = motion.matrices(options.tau)
+        noise = np.kron(np.eye(2), np.diag([0.0, Q, 0.0][: len(F) // 2]))
+        kalman = LinearFilter(anchor, P, (F, B, noise, motion.starting_acceleration), exact=True)
+        kalman.R = R
+        return kalman
+    kind = MatrixKalmanFilter if exact else MatrixExtendedKalmanFilter
+    return kind(anchor, P, motion.signed_radius, options.tau, Q, R)
 
 
-def filters_of_modes(env, i, matrices, freedom=0):
+def filters_of_modes(env, i, matrices):
     """Return the filters of track i, before the first tick of its segment. matrices: see
-    `described`.
+    `described`; straight motion may have none, too.
     """
     options = env.options
     exact = options.bank != "anchor_aware"
     anchor = env.world.field("anchor")[i]
-    P = np.zeros((4, 4))
-    P[np.triu_indices(4)] = env.world.field("covariance")[i]
-    P = P + P.T - np.diag(P.diagonal())
+    P = env.world.field("covariance")[i][SQUARE]
     if options.parameters()["reset_covariance"]:
         P = np.eye(4)
+    # Which filters each axis by itself.
+    if options.bank_class is PublishedBank:
+        P = P * np.kron(np.eye(2), np.ones((2, 2)))
+    freedom = FREEDOM * (str(options.likelihood) != "gaussian")
     filters = []
     for mode, given in matrices.items():
-        turn = (mode.signed_radius, options.tau, options.process_variance, None)
+        turn = (mode.signed_radius, options.tau, options.process_variance, None, freedom)
         if given is not None:
             filters.append(LinearFilter(anchor, P, given, exact, freedom))
             filters[-1].stands = isinstance(mode, Stop)
         elif exact:
-            filters.append(MatrixKalmanFilter(anchor, P, *turn, freedom))
+            filters.append(MatrixKalmanFilter(anchor, P, *turn))
         else:
-            filters.append(MatrixExtendedKalmanFilter(anchor, P, *turn))
+            filters.append(MatrixExtendedKalmanFilter(anchor, P, *turn, options.drift_variance))
     return filters
 
 
@@ -164,6 +176,10 @@ class ImmOfModes(LiteralImm):
         start = np.append(estimate, [0.0, 0.0]), linalg.block_diag(P, np.zeros((2, 2)))
         super().__init__(*start, self.modes, transition, tau, Q, (1.0, 1.0), freedom)
         self.GQG = linalg.block_diag(self.GQG, np.zeros((2, 2)))
+
+    def stands(self, j):
+        """Whether the object stands in mode j."""
+        return isinstance(self.modes[j][0], Stop)
 
     def mixed(self, j, weights):
         """Return state and covariance in which filter j begins a tick."""

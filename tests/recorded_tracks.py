@@ -13,6 +13,23 @@ LENGTHS = (60, 80, 50, 90, 70, 60, 100, 50, 60, 80, 70, 60, 90, 80)
 TRUE_MODES = np.array(["SLR".index(mode) for mode in MODES])
 
 
+def directions(headings):
+    """Unit vectors (..., 2) of headings (...) from the x axis [rad]."""
+    return np.stack([np.cos(headings), np.sin(headings)], axis=-1)
+
+
+def follow(tracker, times, positions):
+    """What a live tracker returns at each position (T, 2)."""
+    return [tracker.update(tuple(z), time) for z, time in zip(positions, times, strict=True)]
+
+
+def write_recording(path, times, positions, **more):
+    """Write a file of times and positions (T, 2), and return its path."""
+    x, y = positions.T
+    pd.DataFrame({"time": times, "x": x, "y": y, **more}).to_csv(path, index=False)
+    return path
+
+
 @dataclass(frozen=True)
 class Object:
     """An object and its sensor.
@@ -43,6 +60,17 @@ class Object:
     def start(self):
         return (0.0, 0.0, 0.0, self.speed)
 
+    def options(self, kind, **more):
+        """Options of an environment or a tracker of the object."""
+        return kind(
+            radii=(self.radius,),
+            speed=self.speed,
+            tau=self.tau,
+            process_variance=self.process_variance,
+            measurement_variance=self.measurement_variance,
+            **more,
+        )
+
     def times(self, ticks):
         return self.tau * np.arange(1, ticks + 1)
 
@@ -71,6 +99,15 @@ class Object:
         time = [date.isoformat(timespec="milliseconds") + "Z" for date in dates]
         modes = np.repeat([*MODES], LENGTHS)
         return pd.DataFrame({"time": time, "lat": lat, "lon": lon, "mode": modes})
+
+
+PIECES = (60, 50, 40, 70)
+
+
+def drive():
+    """Times and measured positions (220, 2) of a car that turns as R60 L50 S40 L70."""
+    car = OBJECTS["car"]
+    return car.times(220), car.simulate(1, 3, "RLSL", PIECES).measurements[0]
 
 
 OBJECTS = {

@@ -29,7 +29,7 @@ from agents.interface.progress import print_lines, progress_display
 from agents.interface.world_arguments import TrustArguments, WorldArguments
 from hybrid_env.checks import ArgumentError, Count, NotNegative, reject
 from hybrid_env.extras import explained
-from hybrid_env.rendering import FRAME_SIZE, RENDER_FPS
+from hybrid_env.rendering import FRAME_SIZE, METADATA
 from hybrid_env.rendering.evidence import legend_colours, mode_colour, mode_name
 from hybrid_env.rendering.frame import draw_frame
 from hybrid_env.rendering.history import History
@@ -143,15 +143,15 @@ def show(histories: Iterator[History]) -> bool:
             raise pygame.error("no display")
         pygame.display.init()
         window = pygame.display.set_mode(FRAME_SIZE)
-        clock = pygame.time.Clock()
+        clock, rate = pygame.time.Clock(), METADATA["render_fps"]
         for history in histories:
             image = pygame.surfarray.make_surface(draw_frame(history).swapaxes(0, 1))
-            for _ in range(2 * RENDER_FPS if history.finished else 1):
+            for _ in range(2 * rate if history.finished else 1):
                 if pygame.event.get(pygame.QUIT):
                     return False
                 window.blit(image, (0, 0))
                 pygame.display.flip()
-                clock.tick(RENDER_FPS)
+                clock.tick(rate)
         return True
     except pygame.error as error:
         raise ArgumentError(
@@ -212,6 +212,6 @@ def write_gif(path: Path, frames: Iterator[NDArray[np.uint8]]) -> None:
             format="GIF",
             save_all=True,
             append_images=images,
-            duration=1000 // RENDER_FPS,
+            duration=1000 // METADATA["render_fps"],
             loop=0,
         )

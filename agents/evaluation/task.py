@@ -185,7 +185,7 @@ class AnnouncedTask(Task):
 
     switches = ANNOUNCED
     waits = True
-    columns = decisions.DECISION_COLUMNS
+    columns = decisions.Decisions.columns
     metrics = (
         Metric("accuracy", "accuracy\n%", mean("accuracy", share=True), 1, 100.0),
         Metric("type_accuracy", "type\naccuracy, %", mean("type_accuracy", share=True), 1, 100.0),
@@ -257,7 +257,9 @@ class UnknownTask(Task):
 
     switches = UNKNOWN
     # Of the modes, then of their types: straight, left, right.
-    columns = tuple(kind + name for kind in ("", "type_") for name in statements.STATEMENT_COLUMNS)
+    columns = tuple(
+        kind + name for kind in ("", "type_") for name in statements.StatementMetrics.columns()
+    )
     metrics = (
         *(
             Metric(name, head, statements.STATISTICS[name], digits, scale)

@@ -23,17 +23,15 @@ def draw_timelines(
     xlabel: str,
     *,
     wrong: Mapping[str, BoolArray],
-    breaks: ArrayLike = (),
 ) -> None:
     """Draw the modes (T,) of each row as bars between `edges` (T + 1,): indices of `colours` or
-    `NO_MODE`. Bars begin anew at ticks `breaks`, and are hatched at ticks `wrong` (T,).
+    `NO_MODE`. Bars are hatched at ticks `wrong` (T,).
     """
     limits = np.asarray(edges)
     axes.set_xlim(0, limits[-1])
     for height, (row, modes) in enumerate(rows.items()):
         hatched = wrong.get(row, np.zeros(len(modes), np.bool_))
-        changes = np.flatnonzero(np.diff(2 * modes + hatched)) + 1
-        begins = np.union1d(np.append(0, changes), breaks).astype(int)
+        begins = np.append(0, np.flatnonzero(np.diff(2 * modes + hatched)) + 1)
         axes.barh(
             height,
             np.diff(limits[np.append(begins, len(modes))]),

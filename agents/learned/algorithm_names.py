@@ -12,13 +12,12 @@ from hybrid_env.checks import reject
 
 REGISTERED: dict[str, Any] = {}
 """Classes of algorithms by name: all that have been imported."""
-# The package whose files are named after the algorithms in them.
-PACKAGE = "agents.algorithms"
 
 
 def algorithm_names() -> list[str]:
     """Return the names of the algorithms of the package."""
-    return [module.name for module in pkgutil.iter_modules(import_module(PACKAGE).__path__)]
+    package = import_module("agents.algorithms")
+    return [module.name for module in pkgutil.iter_modules(package.__path__)]
 
 
 def find_algorithm(name: Any, *, imported: bool = False) -> Any:
@@ -31,7 +30,7 @@ def find_algorithm(name: Any, *, imported: bool = False) -> Any:
     """
     names = algorithm_names()
     if name in names:
-        import_module(f"{PACKAGE}.{name}")
+        import_module(f"agents.algorithms.{name}")
     elif isinstance(name, str) and name not in REGISTERED and (imported or trusted()):
         kind = find_external(name)
         if any(kind is other for other in REGISTERED.values()):

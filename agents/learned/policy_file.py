@@ -28,8 +28,6 @@ LAYOUTS: dict[str, type[Layout]] = {ANNOUNCED: Layout, UNKNOWN: QuickestLayout}
 
 # Bytes.
 LARGEST_POLICY = 2**27
-# Numbers of an observation row.
-LARGEST_WIDTH = 2000
 
 
 def package_versions() -> dict[str, str]:

@@ -25,13 +25,7 @@ from torch.utils.tensorboard import SummaryWriter
 
 from agents.evaluation.task import task_of
 from agents.learned.policy import Actor, ObservationFeatures, actor_decider, read_actor
-from agents.learned.policy_file import (
-    LARGEST_WIDTH,
-    LAYOUTS,
-    SavedPolicy,
-    first_line,
-    unreadable_policy,
-)
+from agents.learned.policy_file import LAYOUTS, SavedPolicy, first_line, unreadable_policy
 from agents.training import checkpoint, run_folder
 from agents.training.algorithm import Algorithm, OnRound, TrainingProgress
 from agents.training.library_settings import LibrarySettings
@@ -148,7 +142,7 @@ class LibraryAlgorithm(Algorithm):
             if types not in (None, [*options.type_names]):
                 raise ValueError(f"its modes are of the types {', '.join(types)}")
             width = check_integer(
-                "observation_width", saved.card["observation_width"], maximum=LARGEST_WIDTH
+                "observation_width", saved.card["observation_width"], maximum=2000
             )
             cls.Settings.check_network(saved.entry["policy_kwargs"])
             actor = cls.actor(saved.weights, saved.entry, width, LAYOUTS[saved.task])

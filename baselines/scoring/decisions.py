@@ -1,6 +1,7 @@
 """Decisions for announced switches, and values of every episode."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -15,6 +16,12 @@ RMSE = Statistic(
 @dataclass(frozen=True)
 class Decisions:
     """All decisions in E episodes with K segments each, as arrays of shape (E, K)."""
+
+    # Names of the values of an episode.
+    columns: ClassVar = (
+        *("accuracy", "type_accuracy", "ticks", "reward", "forced"),
+        *("squared_error", "length"),
+    )
 
     # As defined by the reward, exactly or by type.
     correct: BoolArray
@@ -36,21 +43,7 @@ class Decisions:
 
     @property
     def values(self) -> FloatArray:
-        """Values of each episode, (E, F), see `DECISION_COLUMNS`: means over its segments, then
-        sums.
-        """
+        """Values of each episode, (E, F), see `columns`: means over its segments, then sums."""
         means = self.correct, self.type_correct, self.ticks, self.reward, self.forced
         columns = (*(each.mean(1) for each in means), self.squared_error.sum(1), self.length.sum(1))
         return np.stack(columns, axis=1)
-
-
-DECISION_COLUMNS = (
-    "accuracy",
-    "type_accuracy",
-    "ticks",
-    "reward",
-    "forced",
-    "squared_error",
-    "length",
-)
-"""Names of the values of an episode."""

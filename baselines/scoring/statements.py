@@ -69,19 +69,20 @@ class StatementMetrics:
     # Ticks after switches until the new mode is stated, the next switch or the end.
     undetected: AnyArray
 
+    @classmethod
+    def columns(cls) -> tuple[str, ...]:
+        """Return the names of the values of a track."""
+        return tuple(field.name for field in fields(cls))[1:]
+
     @property
     def values(self) -> FloatArray:
-        """Values of each track, (N, F), see `STATEMENT_COLUMNS`."""
-        return np.stack([getattr(self, name) for name in STATEMENT_COLUMNS], axis=1)
+        """Values of each track, (N, F), see `columns`."""
+        return np.stack([getattr(self, name) for name in self.columns()], axis=1)
 
     def value(self, name: str) -> float:
         """Return a value of all tracks, a key of `STATISTICS`; NaN where nothing was counted."""
         statistic = STATISTICS[name]
         return float(statistic.function(*(getattr(self, key).mean() for key in statistic.columns)))
-
-
-STATEMENT_COLUMNS = tuple(field.name for field in fields(StatementMetrics))[1:]
-"""Names of the values of a track."""
 
 
 def measure_statements(statements: Statements, change_cost: float = 5.0) -> StatementMetrics:

@@ -4,10 +4,12 @@ imports matplotlib, with the first frame.
 """
 
 from importlib.util import find_spec
+from typing import Any
 
-# `check_env` of Gymnasium draws a frame in each of them.
-RENDER_MODES = ["rgb_array"] if find_spec("matplotlib") else []
+# Of environments: `check_env` of Gymnasium draws a frame in each of the modes.
+METADATA: dict[str, Any] = {
+    "render_modes": ["rgb_array"] if find_spec("matplotlib") else [],
+    "render_fps": 10,
+}
 # Width, height [px]: text of 9 pt can be read on a narrow screen.
 FRAME_SIZE = (450, 620)
-# Frames per second.
-RENDER_FPS = 10

@@ -56,14 +56,9 @@ class IMMFilter(TrackFilter):
         """(B, M) of the models."""
         return np.exp(self._log_probabilities)
 
-    @property
-    def estimates(self) -> Moments:
-        """Estimates of the models, (B, M, n), and their covariances, (B, M, n, n)."""
-        return self._estimates_with(self.order, None)
-
-    def _estimates_with(self, order: int, variances: FloatArray | None) -> Moments:
-        """Return the estimates of the models with the same number of values per axis, see
-        `resized`.
+    def _estimates(self, order: int, variances: FloatArray | None) -> Moments:
+        """Return the estimates of the models, (B, M, n) and (B, M, n, n), with the same number of
+        values per axis, see `resized`.
         """
         parts = [
             resized(track_filter.state, track_filter.covariance, self.axes, order, variances)
@@ -80,26 +75,15 @@ class IMMFilter(TrackFilter):
         self._merge()
         self.log_likelihood = np.zeros(self.tracks)
 
-    def begin_from(
-        self, state: ArrayLike, covariance: ArrayLike, probabilities: ArrayLike | None = None
-    ) -> None:
-        """Forget everything and begin all tracks with estimates (B, n), or (B, M, n) of the models
-        as `estimates`, and their covariances (n, n), (B, n, n) or (B, M, n, n).
-
-        Derivatives that a model lacks are not used. `probabilities`, (B, M), are of the models;
-        None uses those of a long time.
+    def begin_from(self, state: ArrayLike, covariance: ArrayLike) -> None:
+        """Forget everything and begin all tracks with estimates (B, n) and their covariances
+        (n, n) or (B, n, n). Derivatives that a model lacks are not used.
         """
-        means = np.asarray(state, float)
-        matrices = np.asarray(covariance, float)
-        self.begin(len(means))
-        if probabilities is not None:
-            self._log_probabilities = np.log(np.maximum(probabilities, self.smallest))
-        for j, track_filter in enumerate(self.filters):
-            mean = means if means.ndim == 2 else means[:, j]
-            matrix = matrices[:, j] if matrices.ndim == 4 else matrices
-            spread = np.broadcast_to(matrix, (*mean.shape, mean.shape[-1]))
-            each = resized(mean, spread, self.axes, track_filter.order, None)
-            track_filter.begin_from(*each)
+        mean = np.asarray(state, float)
+        spread = np.broadcast_to(covariance, (*mean.shape, mean.shape[-1]))
+        self.begin(len(mean))
+        for track_filter in self.filters:
+            track_filter.begin_from(*resized(mean, spread, self.axes, track_filter.order, None))
         self._merge()
 
     def transition(self, dt: float | FloatArray) -> FloatArray:
@@ -120,7 +104,7 @@ class IMMFilter(TrackFilter):
         weights = np.exp(joint - after[:, None, :]).swapaxes(1, 2)
         mixed = [
             mixture(
-                *self._estimates_with(track_filter.order, track_filter.start_variances),
+                *self._estimates(track_filter.order, track_filter.start_variances),
                 weights[:, j, None],
             )
             for j, track_filter in enumerate(self.filters)
@@ -145,6 +129,7 @@ class IMMFilter(TrackFilter):
 
     def _merge(self) -> None:
         """Compute mean and covariance of the mixture of all models."""
-        state, covariance = mixture(*self.estimates, self.probabilities[:, None])
+        estimates = self._estimates(self.order, None)
+        state, covariance = mixture(*estimates, self.probabilities[:, None])
         self.state = state[:, 0]
         self.covariance = covariance[:, 0]

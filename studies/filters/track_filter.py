@@ -41,11 +41,6 @@ class TrackFilter(ABC):
         """(B, d) estimated positions [m]."""
         return self.state[:, :: self.order]
 
-    @property
-    def velocity(self) -> FloatArray:
-        """(B, d) estimated velocities [m/s]."""
-        return self.state[:, 1 :: self.order]
-
     @abstractmethod
     def begin(self, tracks: int) -> None:
         """Forget everything; `tracks` tracks begin with their first measurements."""

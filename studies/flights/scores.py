@@ -59,9 +59,9 @@ def score_flights(pairs: Sequence[Pair], stated: Sequence[IntArray]) -> Scores:
     return Scores("", "", tuple(map(float, range(count))), TimelineCounts._fields, totals)
 
 
-def value(scores: Scores, name: str = "agreement") -> float:
-    """Return a statistic of some flights."""
-    return float(scores.curve(STATISTICS[name])[0])
+def value(scores: Scores) -> float:
+    """Return the agreement on some flights."""
+    return float(scores.curve(STATISTICS["agreement"])[0])
 
 
 def estimates(scores: Scores) -> dict[str, Any]:

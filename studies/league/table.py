@@ -9,9 +9,10 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from baselines import Estimate, Statistic
+from baselines import Statistic
 from studies.league.protocol import BANK, QUICKEST, THREE, WORLDS, read_entry, scores_of
 from studies.pictures import draw_estimates
+from studies.results import with_half
 
 REWARD = Statistic(("reward",), lambda means: means)
 Entry = Mapping[str, Any]
@@ -59,17 +60,12 @@ def world_table(entry: Entry, entries: Sequence[Entry]) -> pd.DataFrame:
             {
                 "world": world,
                 "threshold": f"{mine.thresholds[0]:g}",
-                "reward": bounds(mine.estimate(REWARD, 0)),
+                "reward": with_half(mine.estimate(REWARD, 0)),
                 "best other": best.name if best else "",
-                "difference": bounds(mine.difference(best, REWARD), "+") if best else "",
+                "difference": with_half(mine.difference(best, REWARD), sign="+") if best else "",
             }
         )
     return pd.DataFrame(rows)
-
-
-def bounds(estimate: Estimate, sign: str = "") -> str:
-    """Return an estimate with half the width of its interval."""
-    return f"{estimate.value:{sign}.3f} ±{(estimate.high - estimate.low) / 2:.3f}"
 
 
 def league_figure(entries: Sequence[Entry]) -> Figure:

@@ -16,7 +16,7 @@ from baselines import Estimate, Scores, Statistic, ThresholdDecider, record_in, 
 from hybrid_env import HybridTrackQuickestVectorEnv, QuickestOptions
 from studies.optimum.enumeration import history_posteriors, path_posteriors
 from studies.pictures import draw_estimates
-from studies.results import in_parallel, markdown_table
+from studies.results import in_parallel, markdown_table, with_half
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -279,15 +279,10 @@ def cell(row: Row) -> str:
     """Return a value with half its interval, and the difference to the exact posterior."""
     value, gain = row["value"], row["gain"]
     if isinstance(gain, Estimate):
-        return f"{value.value:.3f} ({gain.value:+.4f} ± {half(gain):.4f})"
+        return f"{value.value:.3f} ({with_half(gain, 4, '+')})"
     if row["figure"] == "divergence":
-        return f"{value.value:.2g} ± {half(value):.1g}"
-    return f"{value.value:.3f} ± {half(value):.3f}"
-
-
-def half(estimate: Estimate) -> float:
-    """Return half the width of an interval."""
-    return 0.5 * (estimate.high - estimate.low)
+        return f"{value.value:.2g} ± {0.5 * (value.high - value.low):.1g}"
+    return with_half(value)
 
 
 def figure(rows: Sequence[Row]) -> Figure:

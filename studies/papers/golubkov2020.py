@@ -13,8 +13,6 @@ ticks, also after a false alarm, has missed it. Deviations from the text: the ro
 """
 
 import math
-from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 
@@ -28,45 +26,33 @@ from studies.papers.setting import Setting
 SWITCH = 20
 
 
-def run_detector(
-    measurements: FloatArray, setting: Setting, variance: float, threshold: float, window: int
-) -> Iterator[tuple[IntArray, Any]]:
-    """Yield the statements (n,) and filters of the detector after every tick of measurements (n, T,
-    2) with R [m^2], from straight motion at the start with P = I; it tests moments of the switch up
-    to a window of ticks ago.
+def ratios_of(measurements: FloatArray, setting: Setting, variance: float) -> FloatArray:
+    """Return ln lambda_k of every turn after every tick, (n, T, turns), of a detector that never
+    decides, from measurements (n, T, 2) with R [m^2] and straight motion at the start with P = I.
     """
     options = QuickestOptions(
         radii=setting.radii,
         process_variance=setting.process_variance,
         measurement_variance=variance,
     )
-    rule = RestartDecider(options, threshold, 0.0, window, mean=True)
+    # No ratio reaches the threshold.
+    rule = RestartDecider(options, 1e9, 0.0, measurements.shape[1], mean=True)
     straight = np.full(options.hypotheses, -math.inf)
     straight[0] = 0.0
     row = np.concatenate([[0.0, 0.0], setting.start, np.eye(4)[np.triu_indices(4)], straight])
     rows = np.tile(row, (len(measurements), 1))
     _, filters = rule.predict(rows)
+    ratios = []
     for measured in measurements.swapaxes(0, 1):
         rows[:, :2] = measured
-        stated, filters = rule.predict(rows, filters)
-        yield stated, filters
+        _, filters = rule.predict(rows, filters)
+        ratios.append(filters.log_ratios[:, 1:].copy())
+    return np.stack(ratios, axis=1)
 
 
-def ratios_of(measurements: FloatArray, setting: Setting, variance: float) -> FloatArray:
-    """Return ln lambda_k of every turn after every tick, (n, T, turns), of a detector that never
-    decides.
-    """
-    window = measurements.shape[1]
-    # No ratio reaches the threshold.
-    ticks = run_detector(measurements, setting, variance, 1e9, window)
-    return np.stack([filters.log_ratios[:, 1:].copy() for _, filters in ticks], axis=1)
-
-
-def delays_after(ticks: IntArray, switch: int = SWITCH) -> IntArray:
-    """Return the delays of the runs that detect the turn after a number of straight ticks, from
-    the ticks of detection, (n,).
-    """
-    return ticks[ticks > switch] - switch
+def delays_after(ticks: IntArray) -> IntArray:
+    """Return the delays of the runs that detect the turn, from the ticks of detection, (n,)."""
+    return ticks[ticks > SWITCH] - SWITCH
 
 
 def delay_statistics(ticks: IntArray) -> dict[str, float]:

@@ -8,13 +8,13 @@ import joblib
 import numpy as np
 from matplotlib.figure import Figure
 
-from baselines import Estimate, Scores
+from baselines import Scores
 from studies.pictures import draw_estimates
 from studies.radar.dataset import HORIZONS, STATISTICS, RadarData, score_estimates
 from studies.radar.filters import COMBINED, CONTENDERS, ROBUST, filter_tracks
 from studies.radar.radars import NOISE_NAMES, Noise
 from studies.radar.tuning import tune_filters
-from studies.results import in_parallel, markdown_table
+from studies.results import in_parallel, markdown_table, with_half
 
 ByNoise = Mapping[Noise, Sequence[Scores]]
 # The filter with which all filters are compared on the same flights. No filter of the thesis has a
@@ -69,12 +69,12 @@ def radar_tables(by_noise: ByNoise) -> str:
             rows.append(
                 (
                     of_filter.name,
-                    _with_half(estimates["position"], 2),
+                    with_half(estimates["position"], 2),
                     f"{estimates['distance'].value:.1f}",
                     f"{estimates['noise reduction ratio'].value:.2f}",
                     "1" if of_filter is reference else compared,
-                    _with_half(estimates["velocity"], 2),
-                    _with_half(estimates[f"ahead {farthest}"], 1),
+                    with_half(estimates["velocity"], 2),
+                    with_half(estimates[f"ahead {farthest}"], 1),
                 )
             )
         heads = (
@@ -88,11 +88,6 @@ def radar_tables(by_noise: ByNoise) -> str:
         )
         text += markdown_table(heads, rows) + "\n"
     return text
-
-
-def _with_half(estimate: Estimate, digits: int) -> str:
-    """Return an estimate with half the width of its interval."""
-    return f"{estimate.value:.{digits}f} ± {(estimate.high - estimate.low) / 2:.{digits}f}"
 
 
 def radar_json(by_noise: ByNoise) -> dict[str, Any]:

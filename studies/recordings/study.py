@@ -157,7 +157,6 @@ def counts(
         "rows": len(stated),
         "below_3": np.sum(lengths < 3),
         "below_5": np.sum(lengths < 5),
-        "shortest": min(lengths, default=0),
         "switches": len(switches),
         "within_1": np.sum(np.array(beside) <= 1),
         "within_3": np.sum(np.array(beside) <= 3),
@@ -214,7 +213,6 @@ def compare(world: str, results: Sequence[Statements], deciders: Sequence[str]) 
                 **{key: pieces.estimate(statistic) for key, statistic in STATISTICS.items()},
                 "right_less_first": less.get("agreement"),
                 "wrong_less_first": less.get("false_changes"),
-                "shortest": int(min(of_track["shortest"] for of_track in of_tracks)),
                 # From the sum over all recordings, which is the mean times their number.
                 "hourly": scores.scores[decider].of("false", 0).sum() / hours,
                 # As in HybridTrackQuickest-v0.
@@ -227,7 +225,7 @@ def compare(world: str, results: Sequence[Statements], deciders: Sequence[str]) 
 def markdown(rows: Sequence[Row]) -> str:
     """Return the table."""
     changed = {"right_less_first": 4, "wrong_less_first": 2}
-    numbers = {"shortest": 0, "hourly": 1, "reward": 4}
+    numbers = {"hourly": 1, "reward": 4}
     lines = [
         [
             row["recordings"],

@@ -1,7 +1,5 @@
 """The id whose episodes draw the motion: disjoint episodes, selection and report."""
 
-import json
-
 import numpy as np
 import pytest
 
@@ -68,10 +66,8 @@ def test_the_robust_agent_earns_more_than_the_shipped_one():
     assert robust.difference(shipped, task.statistic("reward"), 0, 0).low > 0.0
 
 
-def test_environments_around_the_id_have_a_table(tmp_path, run_study):
-    given = "robust", "--worlds", "--quick", "--jobs", "1", "--out", str(tmp_path)
-    printed = run_study("road", *given)
-    worlds = json.loads((tmp_path / "worlds.json").read_text())
+def test_environments_around_the_id_have_a_table(quick_study):
+    printed, worlds = quick_study("road", "robust", "--worlds", file="worlds")
 
     assert list(worlds) == list(study.WORLDS)
     for name, rows in worlds.items():
@@ -81,10 +77,8 @@ def test_environments_around_the_id_have_a_table(tmp_path, run_study):
         assert printed.count(f"| {name} | ") == 1
 
 
-def test_the_quick_form_compares_agents_and_rules(tmp_path, run_study):
-    printed = run_study("road", "--quick", "--jobs", "1", "--out", str(tmp_path))
-    rows = json.loads((tmp_path / "road.json").read_text())
+def test_the_quick_form_compares_agents_and_rules(quick_study):
+    _, rows = quick_study("road")
 
-    assert (tmp_path / "road.md").read_text() in printed
     assert [row["decider"] for row in rows] == ["at-once", "msprt-type", "robust", "shipped"]
     assert max(row["difference"]["value"] for row in rows[:2]) == 0.0

@@ -16,11 +16,10 @@ def test_p_values_of_intervals_and_their_correction():
     assert holm([0.04, 0.001, 0.02, 0.5]).tolist() == [False, True, False, False]
 
 
-def test_the_quick_form_compares_in_a_world(tmp_path, run_study):
+def test_the_quick_form_compares_in_a_world(tmp_path, quick_study):
     pytest.importorskip("jsbsim")
-    flags = "robust threshold --quick --simulators jsbsim --jobs 1 --out"
-    printed = run_study("simulators", *flags.split(), str(tmp_path))
-    content = json.loads((tmp_path / "simulators.json").read_text())
+    flags = "robust", "threshold", "--simulators", "jsbsim"
+    printed, content = quick_study("simulators", *flags)
 
     (row,) = content["worlds"]
     assert row["world"] == "fighter, 2 s, 320 m"

@@ -11,7 +11,11 @@ from agents.cli import command_class, main
 from agents.commands import COMMANDS
 from agents.training.algorithm import Algorithm
 
-SMALL = ["n_envs=8", "n_steps=32", "batch_size=64", "policy_kwargs.net_arch=[8]"]
+
+def train(run):
+    """Train a small agent in a folder."""
+    small = "n_envs=8", "n_steps=32", "batch_size=64", "policy_kwargs.net_arch=[8]"
+    return main(["train", "--out", run, "--steps", "256", "--set", *small])
 
 
 def test_the_commands_are_told_without_loading_them():
@@ -27,7 +31,7 @@ def test_the_commands_are_told_without_loading_them():
 def test_a_run_is_trained_resumed_and_evaluated(tmp_path):
     run = str(tmp_path / "run")
 
-    assert main(["train", "--out", run, "--steps", "256", "--set", *SMALL]) == 0
+    assert train(run) == 0
     assert main(["train", "--resume", run, "--steps", "512"]) == 0
     assert main(["evaluate", run, "--episodes", "3", "--scheme", "S10 S10"]) == 0
     assert main(["train", "--out", run]) == 2
@@ -45,9 +49,8 @@ def test_an_interrupted_training_says_how_it_continues(tmp_path, monkeypatch, ca
         raise KeyboardInterrupt
 
     monkeypatch.setattr(Algorithm, "between_updates", interrupt)
-    run = str(tmp_path / "run")
 
-    assert main(["train", "--out", run, "--steps", "256", "--set", *SMALL]) == 130
+    assert train(str(tmp_path / "run")) == 130
     (line,) = lines_of(capsys)
     assert line.startswith("hybridtrack: interrupted: hybridtrack train --resume ")
 
@@ -59,9 +62,8 @@ def test_a_full_disk_ends_a_training_with_one_line(tmp_path, monkeypatch, capsys
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(RecordWriter, "write", fill_disk)
-    run = str(tmp_path / "run")
 
-    assert main(["train", "--out", run, "--steps", "256", "--set", *SMALL]) == 2
+    assert train(str(tmp_path / "run")) == 2
     (line,) = lines_of(capsys)
     assert "expected a path that can be written (No space left on device)" in line
     assert not (tmp_path / "run" / "checkpoint.pt").exists()

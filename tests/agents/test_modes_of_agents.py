@@ -6,13 +6,11 @@ import warnings
 import numpy as np
 import pytest
 from own_modes import Halt
-from small_training import KINDS
+from small_training import KINDS, small_run
 
 from agents.comparison.plan import Plan
 from agents.evaluation.registry import find_decider
 from agents.evaluation.task import task_of
-from agents.training.recipe import load_recipe
-from agents.training.runs import make_run
 from baselines.rules.rollout import record_decisions
 from hybrid_env import ArgumentError, WorldOptions
 from hybrid_env.modes import LinearMode, Straight
@@ -25,11 +23,8 @@ REFUSED = f"^modes='{MODES}' is not allowed: expected straight motion, left and 
 def small(kind, folder, **options):
     """A new run of a small agent."""
     recipe, env, given, changes = KINDS[kind]
-    if kind in ("recurrent-ppo", "qrdqn"):
-        pytest.importorskip("sb3_contrib")
-    env = ENVS["Quickest" in env]
-    given = {name: value for name, value in given.items() if name != "options"}
-    return make_run(env, given | options, load_recipe(recipe, env, changes), 0, folder, 640)
+    env = ENVS["Quickest" in env].removeprefix("hybrid_env:")
+    return small_run(kind, folder, 640, 0, {kind: (recipe, env, given | options, changes)})
 
 
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "network"])

@@ -15,17 +15,36 @@ The anchor-aware bank is exact to first order in the relative error of the ancho
 
 import numpy as np
 import pytest
+from matrix_filters import FIVE_SIGMA, inside, normalized_squares
 from scipy import stats
 
 from hybrid_env import HybridTrackVectorEnv
 
 TICKS = 60
-FIVE_SIGMA = stats.norm.sf(5.0)
 
 EXACT_ANCHOR = {"initial_error": 0, "reset_covariance": False}
 TRUE_COVARIANCE = {"initial_error": (0.3, 0.02), "reset_covariance": False}
 SMALL_ERROR = {"initial_error": (0.3, 1e-4), "bank": "anchor_aware"}
 UNEQUAL = {"measurement_variance": (0.02, 0.3), "process_variance": 0.02}
+WALKER = {
+    "speed": 1.4,
+    "tau": 1.0,
+    "process_variance": 5e-5,
+    "sensors": ["radar 0.2 0.01 at 30 9"],
+    "measurement_variance": 0.04,
+    "initial_error": (1.0, 0.005),
+    "reset_covariance": False,
+}
+AIRCRAFT = {
+    "speed": 250.0,
+    "tau": 1.0,
+    "process_variance": 1.5,
+    "radii": (5000.0,),
+    "sensors": ["radar 50 0.0035 rate 1 at 50000 15000"],
+    "measurement_variance": 2500.0,
+    "initial_error": (1.0, 150.0),
+    "bank": "anchor_aware",
+}
 CASES = {
     "oracle, fast turn, unequal noise": {"scheme": "R60r5", "bank": "oracle", "speed": 30.0}
     | UNEQUAL,
@@ -36,6 +55,8 @@ CASES = {
     "anchor-aware, straight, unequal noise": {"scheme": "S60", "bank": "anchor_aware"} | UNEQUAL,
     "anchor-aware, exact anchor, turn": {"scheme": "L60r5", "bank": "anchor_aware"} | EXACT_ANCHOR,
     "anchor-aware, small error, fast turn": {"scheme": "R60r5", "speed": 20.0} | SMALL_ERROR,
+    "published, radar of a walker": {"scheme": "S60"} | WALKER,
+    "anchor-aware, range rates of an aircraft, turn": {"scheme": "L60r5000"} | AIRCRAFT,
 }
 
 
@@ -52,13 +73,7 @@ def run(tracks, seed, **options):
         white[k] = np.linalg.solve(root, info["innovations"][:, mode, :, None])[..., 0]
         last, (*_, info) = info, env.step(np.zeros(tracks, np.int64))
     error = last["estimates"][:, mode] - last["truth"]
-    covariance = last["covariances"][:, mode]
-    return white, (error * np.linalg.solve(covariance, error[..., None])[..., 0]).sum(1)
-
-
-def inside(sum_of_squares, degrees):
-    """Return True if a chi-square variable is inside its two-sided bounds of 5 sigma."""
-    return FIVE_SIGMA < stats.chi2.cdf(sum_of_squares, degrees) < 1 - FIVE_SIGMA
+    return white, normalized_squares(error, last["covariances"][:, mode])
 
 
 @pytest.mark.parametrize("name", CASES)

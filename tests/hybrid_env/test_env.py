@@ -77,13 +77,16 @@ def test_the_object_follows_its_scheme():
     np.testing.assert_allclose(np.diff(heading[[49, 149, 249]]), [3.0, -3.0])
 
 
-def test_info_and_observation_equal_those_of_a_separate_bank():
-    radii = (2.0, 5.0, 9.0)
+@pytest.mark.parametrize(
+    "modes",
+    [{"radii": (2.0, 5.0, 9.0)}, {"modes": "straight, left 2, stop, accelerate 1, right 9"}],
+)
+def test_info_and_observation_equal_those_of_a_separate_bank(modes):
     R = np.array([0.1, 0.5])
-    env = HybridTrackEnv(radii=radii, measurement_variance=R)
+    env = HybridTrackEnv(measurement_variance=R, reset_covariance=True, **modes)
     layout = Layout(env.options.hypotheses)
     observation, info = env.reset(seed=8)
-    bank = KalmanBank(radii, measurement_variance=R)
+    bank = KalmanBank(measurement_variance=R, **modes)
     previous = 0
     for step in range(150):
         if info["tick"] == 1:
@@ -100,7 +103,8 @@ def test_info_and_observation_equal_those_of_a_separate_bank():
         posterior = np.exp(log_likelihood - log_likelihood.max())
         posterior /= posterior.sum()
         log_error = np.log(np.delete(posterior, posterior.argmax()).sum())
-        curvature = np.concatenate([[0.0], 1 / np.array(radii), -1 / np.array(radii)])
+        radii = [mode.signed_radius for mode in env.options.all_modes]
+        curvature = np.array([1.0 / radius if radius else 0.0 for radius in radii])
         way = 0.1 * np.hypot(anchor[1], anchor[3])
         expected = {
             "log_ratio": np.maximum(log_likelihood - log_likelihood.max(), -30),

@@ -4,32 +4,25 @@ scale.
 
 import numpy as np
 import pytest
-from matrix_filters import FREEDOM, step_filters
+from matrix_filters import FREEDOM, bank_values, inside, normalized_squares, step_filters
 from own_modes import SCALES, Halt, ImmOfModes, described, every_mode, filters_of_modes
-from scipy import stats
 
 from hybrid_env import HybridTrackQuickestVectorEnv, HybridTrackVectorEnv, Radar, Sensor
 from hybrid_env.core.memory import LANES
 
 SENSORS = (Sensor(variance=2.0, period=2), Sensor(variance=0.5, position=(9.0, 5.0), range=30.0))
+DOPPLER = (
+    Radar(range_deviation=1.0, bearing_deviation=0.01, rate_deviation=0.3, position=(0.0, -60.0)),
+    Sensor(variance=2.0, velocity_variance=0.04),
+)
 UNEQUAL = {"measurement_variance": (0.5, 2.0)}
 ANNOUNCED = {
     "published": {"reset_covariance": True} | UNEQUAL,
+    "published, merged": {"follow": "bank", "reset_covariance": True} | UNEQUAL,
     "published, robust": {"likelihood": f"student_t {FREEDOM}", "missed": 0.3, "noise": "levy 1.4"},
     "aware, missed": {"bank": "anchor_aware", "missed": 0.3} | UNEQUAL,
     "aware, sensors": {"bank": "anchor_aware", "sensors": SENSORS, "missed": 0.2},
-    "aware, range rates": {
-        "bank": "anchor_aware",
-        "sensors": (
-            Radar(
-                range_deviation=1.0,
-                bearing_deviation=0.01,
-                rate_deviation=0.3,
-                position=(0.0, -60.0),
-            ),
-            Sensor(variance=2.0, velocity_variance=0.04),
-        ),
-    },
+    "aware, range rates": {"bank": "anchor_aware", "sensors": DOPPLER},
 }
 
 
@@ -58,23 +51,14 @@ def test_the_bank_equals_matrix_filters_for_every_kind_of_mode(options):
     )
     env.reset(seed=4)
     _, *_, info = env.step(np.full(LANES, len(matrices) - 1))
-    freedom = FREEDOM * ("likelihood" in options)
-    banks = [filters_of_modes(env, i, matrices, freedom) for i in range(LANES)]
-    values = {
-        # Zero without a measurement, where the mask says so.
-        "innovations": lambda kalman: np.nan_to_num(kalman.innovation),
-        "innovation_covariances": lambda kalman: kalman.Sigma.ravel(),
-        "estimates": lambda kalman: kalman.x[:4],
-        "covariances": lambda kalman: kalman.P[:4, :4].ravel(),
-    }
+    banks = [filters_of_modes(env, i, matrices) for i in range(LANES)]
     for _ in range(25):
         for i, filters in enumerate(banks):
             step_filters(filters, env, i, env.world.field("measurement")[i])
-        expected = [[kalman.log_likelihood for kalman in filters] for filters in banks]
-        agree(info["log_likelihood"], expected, "log_likelihood")
-        for name, value in values.items():
-            computed = info[name].reshape(LANES, len(matrices), -1)
-            agree(computed, [[value(kalman) for kalman in filters] for filters in banks], name)
+        for name, expected in bank_values(banks):
+            # Of a filter, or of all filters of a track.
+            shape = expected.shape[:2] + (-1,) * (expected.ndim > 2)
+            agree(info[name].reshape(shape), expected.reshape(shape), name)
         *_, info = env.step(np.zeros(LANES, np.int64))
     assert (info["tick"] == 26).all()
 
@@ -82,6 +66,7 @@ def test_the_bank_equals_matrix_filters_for_every_kind_of_mode(options):
 UNKNOWN = {
     "unequal": UNEQUAL,
     "sensors, missed": {"sensors": SENSORS, "missed": 0.3},
+    "range rates": {"sensors": DOPPLER, "missed": 0.3},
     "robust": {"likelihood": f"student_t {FREEDOM}", "missed": 0.2, "noise": "outliers 0.2"},
 }
 
@@ -127,50 +112,6 @@ def test_the_imm_bank_equals_the_literal_one_for_any_transition_matrix(options):
         *_, info = env.step(np.zeros(LANES, np.int64))
 
 
-FAST = {
-    "published": (HybridTrackVectorEnv, {}),
-    "aware": (HybridTrackVectorEnv, {"bank": "anchor_aware", "missed": 0.2}),
-    # Else the published bank neglects that the merged axes are correlated.
-    "merged": (HybridTrackVectorEnv, {"follow": "bank", "reset_covariance": True} | UNEQUAL),
-    "aware, radar": (
-        HybridTrackVectorEnv,
-        {"bank": "anchor_aware", "sensors": ("radar 5 0.01 rate 0.3", "0.4 period 5")},
-    ),
-    "unknown": (HybridTrackQuickestVectorEnv, UNEQUAL),
-    "unknown, robust": (
-        HybridTrackQuickestVectorEnv,
-        {"likelihood": "student_t 4", "missed": 0.2, "start": "random"},
-    ),
-    "unknown, radar": (
-        HybridTrackQuickestVectorEnv,
-        {"sensors": ("radar 5 0.01 rate 0.3", "0.4 period 5")},
-    ),
-}
-
-
-@pytest.mark.parametrize("name", FAST)
-def test_dense_filters_of_straight_motion_and_turns_equal_the_fast_bank(name, monkeypatch):
-    make, options = FAST[name]
-    fast = make(LANES, **options)
-    with monkeypatch.context() as patch:
-        # Else these modes have the fast bank.
-        patch.setattr("hybrid_env.model_options.modes_of_radii", lambda radii: ())
-        dense = make(LANES, modes="straight, left 5, right 5", **options)
-    assert "motions" in type(dense.world.bank)._fields
-    assert "motions" not in type(fast.world.bank)._fields
-    rows, expected = (env.reset(seed=3)[0] for env in (dense, fast))
-    generator = np.random.default_rng(0)
-    for _ in range(300):
-        np.testing.assert_allclose(rows, expected, rtol=1e-6, atol=1e-6)
-        for field in ("estimate", "covariance"):
-            agree(dense.world.field(field), fast.world.field(field), field)
-        agree(dense.world.hypothesis_values(), fast.world.hypothesis_values(), "likelihood")
-        actions = generator.integers(0, fast.single_action_space.n, LANES)
-        actions *= generator.random(LANES) < 0.05
-        (rows, rewards, *_), (expected, others, *_) = dense.step(actions), fast.step(actions)
-        np.testing.assert_array_equal(rewards, others)
-
-
 def errors_of_true_modes(tracks, scale, **options):
     """Return the normalized innovation squared and the normalized estimation error squared of the
     filter of the true mode at the 20th tick of every segment, by modes. Ticks of one segment are
@@ -202,19 +143,13 @@ def errors_of_true_modes(tracks, scale, **options):
             }
             spreads = info["innovation_covariances"], info["covariances"]
             both = [
-                np.einsum("ni,ni->n", e, np.linalg.solve(P[every, true], e[..., None])[..., 0])
+                normalized_squares(e, P[every, true])
                 for e, P in zip(errors.values(), spreads, strict=True)
             ]
             for index, mode in enumerate(modes):
                 squares[mode].append(np.array(both)[:, true == index])
         *_, info = env.step(np.where(tick % 20 == 19, true + 1, 0))
     return {mode: np.hstack(parts) for mode, parts in squares.items()}
-
-
-def inside(squares, freedom):
-    """Return True if the sum of chi-square variables is inside its two-sided bounds of 5 sigma."""
-    share = stats.chi2.cdf(squares.sum(), freedom * squares.size)
-    return stats.norm.sf(5.0) < share < stats.norm.cdf(5.0)
 
 
 @pytest.mark.parametrize("scale", SCALES)
@@ -225,12 +160,12 @@ def inside(squares, freedom):
 def test_the_filter_of_the_true_mode_is_consistent_at_every_scale(scale, tracks):
     for mode, (innovations, errors) in errors_of_true_modes(tracks, scale).items():
         assert innovations.size > 0.25 * tracks
-        assert inside(innovations, 2), (mode, innovations.mean() / 2)
-        assert inside(errors, 4), (mode, errors.mean() / 4)
+        assert inside(innovations.sum(), 2 * innovations.size), (mode, innovations.mean() / 2)
+        assert inside(errors.sum(), 4 * errors.size), (mode, errors.mean() / 4)
 
 
 def test_the_same_bounds_are_exceeded_by_an_object_with_more_noise():
     # A mode with noise of its own has it in object and filter.
     larger = 4.0 * SCALES["car"]["process_variance"]
     for mode, (_, errors) in errors_of_true_modes(4_000, "car", object_variance=larger).items():
-        assert inside(errors, 4) == (mode.name in ("drag", "singer")), mode
+        assert inside(errors.sum(), 4 * errors.size) == (mode.name in ("drag", "singer")), mode

@@ -40,6 +40,8 @@ MODES = (
 def test_a_text_stands_for_modes_which_have_a_text_again():
     assert parse_modes(TEXT) == MODES
     assert ", ".join(map(str, parse_modes(TEXT))) == TEXT
+    scheme = WorldOptions(modes=TEXT, scheme="50 straight, 30 stop, 40 accelerate 0.5").scheme
+    assert parse_scheme(str(scheme)) == scheme
     for options in (WorldOptions, QuickestOptions):
         assert options(modes=TEXT) == options(modes=MODES) == options(modes=TEXT.split(", "))
         # Straight motion and turns, in the order of radii, are the short form.
@@ -211,35 +213,6 @@ def test_linear_modes_are_equal_by_their_matrices_which_nobody_changes():
     assert hash(mode) == hash(LinearMode(np.eye(4).tolist(), name="still"))
     assert mode != LinearMode(2 * np.eye(4), name="still")
     np.testing.assert_array_equal(mode.matrices(0.1)[0], np.eye(4))
-
-
-def test_a_fixed_scheme_moves_and_stops_the_object():
-    env = gym.make(
-        "hybrid_env:HybridTrack-v0",
-        modes="straight, stop, accelerate 0.5",
-        decide_every=1,
-        scheme="50 straight, 30 stop, 40 accelerate 0.5",
-        process_variance=0.0,
-        heading=0.0,
-    )
-    scheme = env.unwrapped.options.scheme
-    assert parse_scheme(str(scheme)) == scheme
-    _, info = env.reset(seed=1)
-    truth = [info["truth"]]
-    ended = False
-    while not ended:
-        truth.append(info["truth"])
-        *_, ended, _, info = env.step(0)
-    x, vx, y, vy = np.transpose(truth[1:])
-    ticks = np.arange(1, 41)
-
-    np.testing.assert_allclose(x[:50], 0.2 * np.arange(1, 51))
-    np.testing.assert_allclose(x[50:80], 10.0)
-    # The velocity with which the object moves on.
-    np.testing.assert_allclose(vx[:80], 2.0)
-    np.testing.assert_allclose(vx[80:], 2.0 + 0.05 * ticks)
-    np.testing.assert_allclose(x[80:], 10.0 + 0.2 * ticks + 0.0025 * ticks**2)
-    np.testing.assert_allclose([y, vy], 0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize(("kind", "env_id"), ENVS.items())

@@ -1,78 +1,14 @@
-"""Radars: conversion, consistency of the filters, fusion, and a radar that sees nothing."""
+"""Radars: conversion, fusion, and cameras alone; the consistency of filters: `test_consistency`."""
 
 import math
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from baselines import OnlineTracker, ThresholdDecider
-from hybrid_env import HybridTrackVectorEnv, QuickestOptions, Radar, Sensor, simulate
+from hybrid_env import QuickestOptions, Radar, Sensor, simulate
 from hybrid_env.core.polar import position_noise, to_position
 from hybrid_env.sensors import fuse
-
-# Speed, turn radius, distance, deviations of range, bearing and range rate, tick.
-OBJECTS = {
-    "walker": (1.4, 10.0, 30.0, 0.2, 0.01, 0.1, 1.0),
-    "aircraft": (250.0, 5000.0, 50e3, 50.0, math.radians(0.2), 1.0, 1.0),
-}
-
-
-def world(name, doppler):
-    """Return options of an object that a radar follows, and its radius."""
-    speed, radius, distance, of_range, of_bearing, of_rate, tau = OBJECTS[name]
-    radar = Radar(
-        range_deviation=of_range,
-        bearing_deviation=of_bearing,
-        rate_deviation=of_rate if doppler else None,
-        position=(distance, 0.3 * distance),
-    )
-    return radius, {
-        "speed": speed,
-        "tau": tau,
-        "process_variance": (0.005 * speed) ** 2,
-        "sensors": [radar],
-        "measurement_variance": of_range**2,
-        "initial_error": (1.0, (0.05 * speed) ** 2),
-        "radii": (radius,),
-    }
-
-
-def inside(values, freedom, tracks):
-    """Check that the mean of chi-square numbers of `tracks` independent tracks is inside its
-    bounds.
-    """
-    low, high = stats.chi2.interval(0.9999, tracks * freedom) / np.array(tracks)
-    assert low < values < high, (low, values, high)
-
-
-@pytest.mark.parametrize(("name", "doppler"), [("walker", False), ("aircraft", True)])
-def test_the_filters_are_consistent_where_the_model_is_exact(name, doppler):
-    radius, options = world(name, doppler)
-    tracks = 500
-    for bank, mode, kind in (("published", "S40", 0), ("anchor_aware", f"L40r{radius:g}", 1)):
-        env = HybridTrackVectorEnv(
-            tracks,
-            tick_info=True,
-            bank_info=True,
-            scheme=mode,
-            bank=bank,
-            reset_covariance=False,
-            **options,
-        )
-        _, info = env.reset(seed=4)
-        for tick in range(40):
-            if tick % 13 == 12:
-                error = info["estimates"][:, kind] - info["truth"]
-                innovation = info["innovations"][:, kind]
-                for values, name in (
-                    (error, "covariances"),
-                    (innovation, "innovation_covariances"),
-                ):
-                    inverse = np.linalg.inv(info[name][:, kind])
-                    squares = np.einsum("ni,nij,nj->n", values, inverse, values)
-                    inside(squares.mean(), values.shape[1], tracks)
-            info = env.step(np.zeros(tracks, np.int64))[4]
 
 
 def test_the_covariance_is_that_of_the_true_position_given_the_measurement():

@@ -3,8 +3,16 @@ the same episodes.
 """
 
 import numpy as np
+from other_units import in_other_units
 
-from hybrid_env import HybridTrackVectorEnv, InnovationsLayout, Layout, RawLayout, StateLayout
+from hybrid_env import (
+    HybridTrackVectorEnv,
+    InnovationsLayout,
+    Layout,
+    RawLayout,
+    StateLayout,
+    WorldOptions,
+)
 from hybrid_env.registration import BANK_RADII
 
 TWINS = {"bank": Layout, "raw": RawLayout, "state": StateLayout, "innovations": InnovationsLayout}
@@ -106,33 +114,13 @@ def test_the_layouts_read_the_true_state_and_the_measurement_relative_to_the_anc
 
 
 def test_rows_are_the_same_in_any_units():
-    metre, second = 1e-3, 1 / 3600
-    quantities = {
-        "radii": ((2.0, 5.0), metre),
-        "speed": (2.0, metre / second),
-        "tau": (0.1, second),
-        "process_variance": (0.001, (metre / second) ** 2),
-        "measurement_variance": (0.1, metre**2),
-    }
     for name in TWINS:
+        world = WorldOptions(
+            radii=(2.0, 5.0), bank="anchor_aware", follow="bank", observation=name, missed=0.1
+        )
         rows = []
-        for scaled in (False, True):
-            options = {
-                key: tuple(np.multiply(value, unit if scaled else 1.0).tolist())
-                if key == "radii"
-                else value * (unit if scaled else 1.0)
-                for key, (value, unit) in quantities.items()
-            }
-            velocity = 0.02 * ((metre / second) ** 2 if scaled else 1.0)
-            env = HybridTrackVectorEnv(
-                5,
-                bank="anchor_aware",
-                follow="bank",
-                observation=name,
-                initial_error=(0.3, velocity),
-                missed=0.1,
-                **options,
-            )
+        for options in (world, in_other_units(world, 1e-3, 1 / 3600)):
+            env = HybridTrackVectorEnv(5, **vars(options))
             seen = [env.reset(seed=3)[0]]
             seen += [env.step(np.full(5, k % 9 == 8, np.int64))[0] for k in range(40)]
             rows.append(np.stack(seen))

@@ -64,7 +64,13 @@ MADE = [
 VIEWS = {
     "announced": (
         HybridTrackVectorEnv,
-        {"scheme": "random 2x5-9", "radii": (3.0, 5.0), "bank": "anchor_aware", "evidence": 0.5},
+        {
+            "scheme": "random 2x5-9",
+            "radii": (3.0, 5.0),
+            "bank": "anchor_aware",
+            "evidence": 0.5,
+            "noise": Rounded(0.25),
+        },
     ),
     "unknown": (HybridTrackQuickestVectorEnv, SHORT),
 }

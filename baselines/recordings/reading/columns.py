@@ -8,7 +8,6 @@ from baselines.recordings.reading.table import Table
 from baselines.recordings.reading.values import parted_places
 from hybrid_env.checks import ArgumentError, reject
 
-MODE = (("mode",),)
 # Of a measured velocity; the first ones that a file has are read.
 MOTIONS = (("vx", "vy"), ("speed", "course"), ("speed", "heading"), ("speed", "bearing"))
 
@@ -26,7 +25,7 @@ def find_columns(
         table: cells of the file.
         columns: name or number from 1 of the column of a role, `none` to read no such column.
         object_column: the same of the column that tells objects apart, `none` without one.
-        axes: groups of roles, of which one is a position; or `MODE`, for a file of modes.
+        axes: groups of roles, of which one is a position, or `mode` in a file of modes.
 
     Raises:
         ArgumentError: there is no such group.

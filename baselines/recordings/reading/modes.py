@@ -12,7 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from baselines.recordings.reading.cleaning import remarks, sorted_rows
-from baselines.recordings.reading.columns import MODE, find_columns
+from baselines.recordings.reading.columns import find_columns
 from baselines.recordings.reading.files import read_table
 from baselines.recordings.reading.names import ROW_FILES, plain_name, role_of
 from baselines.recordings.reading.read import cell_text, object_rows, read_times
@@ -100,7 +100,7 @@ def read_modes(
     given = dict(columns or {})
     if object_column is None and tracks:
         object_column = str(names.index(tracks[0]) + 1)
-    roles = find_columns(table, given, object_column, MODE)
+    roles = find_columns(table, given, object_column, (("mode",),))
     if "time" not in roles and "date" not in roles:
         raise ArgumentError(
             f"{table.file}: no column of times ({table.listed()}): name it by --columns, as time=1"

@@ -2,8 +2,6 @@
 positions say.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from hybrid_env.checks import FloatArray
@@ -22,20 +20,6 @@ SPEEDS = {
     "mm/s": 0.001,
 }
 """Units of speeds [m/s]."""
-
-# Largest error of a way by the velocities, over the way by the positions.
-LARGEST_ERROR = 0.05
-# Factors by which a unit may be missed.
-NEAREST = 1.1
-
-
-class Velocities(NamedTuple):
-    """What columns of speed and course, or of two coordinates, say."""
-
-    # (n, 2) vx and vy in the units of positions and times, NaN without one.
-    values: FloatArray
-    # For the summary.
-    note: str
 
 
 def _directions(columns: FloatArray, polar: bool) -> dict[str, FloatArray]:
@@ -99,9 +83,10 @@ def _agreement(times: FloatArray, values: FloatArray) -> tuple[float, float]:
 
 def find_velocities(
     times: FloatArray, positions: FloatArray, columns: FloatArray, polar: bool, unit: str | None
-) -> Velocities:
-    """Return velocities in the units of the positions, without values where the columns agree with
-    these in no unit and direction.
+) -> tuple[FloatArray, str]:
+    """Return velocities (n, 2) in the units of positions and times, NaN where the columns of speed
+    and course, or of two coordinates, agree with these in no unit and direction; and a note for the
+    summary.
 
     Args:
         times: (n,) of the rows.
@@ -121,20 +106,22 @@ def find_velocities(
     factor, error, direction, velocities = min(
         found, key=lambda each: each[1], default=(1.0, np.inf, "", nothing)
     )
-    if not error < LARGEST_ERROR or factor <= 0.0:
+    # The error of the way by the velocities, over the way by the positions.
+    if not error < 0.05 or factor <= 0.0:
         share = f" ({100.0 * error:.0f} % of the way)" if np.isfinite(error) else ""
-        return Velocities(nothing, f"{named} contradict the positions{share} and are not used")
+        return nothing, f"{named} contradict the positions{share} and are not used"
     metres = METRES.get(unit or "")
     scales = {name: value / metres for name, value in SPEEDS.items()} if metres else {"units": 1.0}
     name = min(scales, key=lambda each: abs(np.log(scales[each] / factor)))
-    if abs(np.log(scales[name] / factor)) > np.log(NEAREST):
-        return Velocities(nothing, f"{named} are in no known unit and are not used")
+    # A unit may be missed by a tenth.
+    if abs(np.log(scales[name] / factor)) > np.log(1.1):
+        return nothing, f"{named} are in no known unit and are not used"
     velocities = velocities * scales[name]
     far = _far_rows(times, positions, velocities)
     velocities[far] = np.nan
     left_out = f", {far.sum():,} of them contradict the positions" if far.any() else ""
     remedy = f"--columns {'speed' if polar else 'vx'}=none to ignore"
-    return Velocities(velocities, f"{named} used: {name}, {direction}{left_out} ({remedy})")
+    return velocities, f"{named} used: {name}, {direction}{left_out} ({remedy})"
 
 
 def _far_rows(times: FloatArray, positions: FloatArray, velocities: FloatArray) -> FloatArray:

@@ -8,6 +8,7 @@ import pytest
 
 import agents
 from agents.evaluation.registry import for_actions
+from baselines import rollout
 from baselines.rules.external import as_decider
 from hybrid_env import ArgumentError
 from hybrid_env.registration import make_track_vector_env
@@ -31,15 +32,12 @@ class Model:
 def test_a_loaded_decider_acts_in_the_action_space(name):
     options = SCHEME | {"decide_every": 1}
     env = make_track_vector_env(ENV, 5, **options)
-    decider, (rows, _) = agents.load(name, ENV, **options), env.reset(seed=0)
-    state = None
-    starts = np.ones(5, np.bool_)
     declared = 0
-    for _ in range(60):
-        actions, state = decider.predict(rows, state, starts)
-        assert env.action_space.contains(np.asarray(actions, np.int64))
-        declared += np.count_nonzero(actions)
-        rows, _, starts, _, _ = env.step(actions)
+    for now in rollout(env, agents.load(name, ENV, **options), 0):
+        assert env.action_space.contains(np.asarray(now.actions, np.int64))
+        declared += np.count_nonzero(now.actions)
+        if now.step == 60:
+            break
 
     assert declared > 5
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import torch
 from online_episodes import COMMON, same_as_announced
+from other_units import in_other_units
 
 from agents.evaluation.registry import load_decider
 from agents.learned.anchor_decider import AnchorDecider, Odds
@@ -72,22 +73,6 @@ def posteriors_of(decider, env, transform=lambda rows: rows, declare=True):
         actions = np.where(due, 1 + tick % posterior.shape[1], 0)
         rows, _, start, _, _ = env.step(actions)
     return np.array(posteriors)
-
-
-def in_other_units(world, length, time):
-    """The same world, with lengths and times in other units."""
-    error, velocity_variance = world.initial_error
-    return WorldOptions(
-        **vars(world)
-        | {
-            "radii": tuple(radius * length for radius in world.radii),
-            "speed": world.speed * length / time,
-            "tau": world.tau * time,
-            "process_variance": world.process_variance * (length / time) ** 2,
-            "measurement_variance": tuple((world.variances * length**2).tolist() * 2)[:2],
-            "initial_error": (error, velocity_variance * (length / time) ** 2),
-        }
-    )
 
 
 def test_a_change_of_units_changes_no_posterior():

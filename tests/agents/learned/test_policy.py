@@ -1,61 +1,48 @@
-"""Actors of Stable-Baselines3 as deciders, which declare a mode or state one at every tick."""
+"""Actors of Stable-Baselines3 that state a mode at every tick; those that declare one:
+`test_exchange`.
+"""
 
 import numpy as np
 import pytest
 import torch
 from stable_baselines3.common.policies import ActorCriticPolicy
 
-from agents.learned.policy import (
-    ObservationFeatures,
-    PolicyDecider,
-    StatementPolicyDecider,
-    read_actor,
-)
+from agents.learned.policy import ObservationFeatures, StatementPolicyDecider, read_actor
 from hybrid_env import HybridTrackQuickestVectorEnv, HybridTrackVectorEnv, QuickestLayout
 
 
-def random_policy(kind):
+def random_policy():
     torch.manual_seed(0)
-    states = kind is StatementPolicyDecider
-    env = (HybridTrackQuickestVectorEnv if states else HybridTrackVectorEnv)(1)
+    env = HybridTrackQuickestVectorEnv(1)
     spaces = env.single_observation_space, env.single_action_space
     return ActorCriticPolicy(*spaces, lambda _: 0.0, net_arch=[8], ortho_init=False)
 
 
-def random_decider(kind, *threshold):
-    return kind(read_actor(random_policy(kind).state_dict()), np.arange(3), *threshold)
+def random_decider(*threshold):
+    actor = read_actor(random_policy().state_dict())
+    return StatementPolicyDecider(actor, np.arange(3), *threshold)
 
 
 def statement_rows(stated):
-    """Observation rows with given last statements, None for none."""
+    """Observation rows with given last statements."""
     layout = QuickestLayout(3)
     rows = np.random.default_rng(0).normal(size=(len(stated), layout.width)).astype(np.float32)
-    rows[:, layout.slices["stated"]] = [
-        np.eye(3)[mode] if mode is not None else np.zeros(3) for mode in stated
-    ]
+    rows[:, layout.slices["stated"]] = np.eye(3)[stated]
     return rows
 
 
-def random_rows(kind, count):
-    if kind is StatementPolicyDecider:
-        return statement_rows(np.random.default_rng(1).integers(0, 3, count).tolist())
-    return np.random.default_rng(0).normal(0, 1, (count, 29)).astype(np.float32)
+def test_at_threshold_zero_the_most_probable_action_is_chosen():
+    rows = statement_rows(np.random.default_rng(1).integers(0, 3, 400))
+    expected, _ = random_policy().predict(rows, deterministic=True)
 
-
-@pytest.mark.parametrize("kind", [PolicyDecider, StatementPolicyDecider])
-def test_at_threshold_zero_the_most_probable_action_is_chosen(kind):
-    policy = random_policy(kind)
-    rows = random_rows(kind, 400)
-    actions = random_decider(kind).predict(rows)[0]
-
-    np.testing.assert_array_equal(actions, policy.predict(rows, deterministic=True)[0])
+    np.testing.assert_array_equal(random_decider().predict(rows)[0], expected)
 
 
 @pytest.mark.parametrize("margin", [0.05, 100.0])
 def test_a_statement_changes_if_the_log_odds_exceed_the_margin(margin):
-    decider = random_decider(StatementPolicyDecider, margin)
+    decider = random_decider(margin)
     stated = np.random.default_rng(2).integers(0, 3, 300)
-    rows = statement_rows(stated.tolist())
+    rows = statement_rows(stated)
     logits = decider.logits(rows)[0]
     gain = logits.max(1) - logits[np.arange(300), stated]
     expected = np.where(gain > margin, logits.argmax(1), stated)

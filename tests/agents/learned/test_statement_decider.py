@@ -5,10 +5,11 @@ time.
 import numpy as np
 import pytest
 import torch
+from other_units import in_other_units
 
 from agents.learned.statement_decider import StatementDecider, habit_inputs
 from agents.learned.statement_net import StatementNet
-from baselines import ThresholdDecider, record_statements
+from baselines import ThresholdDecider, record_statements, rollout
 from baselines.rules.measurements import OBSERVED
 from hybrid_env import HybridTrackQuickestVectorEnv, QuickestLayout, QuickestOptions
 
@@ -29,16 +30,13 @@ def random_decider(habits, options):
 def statements_of(decider, options, ticks=150):
     """Statements (T, N) of a decider, and what it observes (T, N, width)."""
     env = HybridTrackQuickestVectorEnv(TRACKS, **vars(options))
-    env.reset(seed=3)
-    state = None
-    stated = []
-    seen = []
-    for _ in range(ticks):
-        seen.append(decider.observe(env.world).copy())
-        actions, state = decider.predict(seen[-1], state)
-        stated.append(actions)
-        env.step(actions)
-    return np.array(stated), np.array(seen)
+    stated, seen = [], []
+    for now in rollout(env, decider, 3):
+        if now.step:
+            stated.append(now.actions)
+        if now.step == ticks:
+            return np.array(stated), np.array(seen)
+        seen.append(now.seen.copy())
 
 
 def stated_again(decider, seen):
@@ -77,15 +75,7 @@ def test_a_change_of_units_changes_no_statement(habits):
     """What would be observed in other units: rows have none, what the beam observes has."""
     length, time = 0.3048, 60.0
     options = QuickestOptions(ticks=150)
-    other = QuickestOptions(
-        speed=2.0 * length / time,
-        tau=0.1 * time,
-        radii=(5.0 * length,),
-        ticks=150,
-        measurement_variance=0.1 * length**2,
-        process_variance=0.001 * length**2 / time**2,
-        initial_error=(0.03 * length**2, 0.02 * length**2 / time**2),
-    )
+    other = in_other_units(options, length, time)
     stated, seen = statements_of(random_decider(habits, options), options)
     scaled = seen.copy()
     if habits:
@@ -110,13 +100,11 @@ def test_an_untrained_network_is_the_threshold_rule():
 def test_inputs_of_habits_are_sums_over_the_histories_of_the_beam():
     options = QuickestOptions(durations="uniform 10-15", ticks=60)
     env = HybridTrackQuickestVectorEnv(TRACKS, **vars(options))
-    env.reset(seed=3)
     decider = random_decider(True, options)
-    state = None
-    for _ in range(60):
-        actions, state = decider.predict(decider.observe(env.world), state)
-        env.step(actions)
-    branches, logs = state.beam.branches, state.beam.log_probability
+    for now in rollout(env, decider, 3):
+        if now.step == 60:
+            break
+    branches, logs = now.state.beam.branches, now.state.beam.log_probability
     inputs = habit_inputs(branches, logs)
 
     for track in range(TRACKS):

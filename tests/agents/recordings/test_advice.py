@@ -6,13 +6,14 @@ import shlex
 import numpy as np
 import pandas as pd
 import pytest
+from recorded_tracks import directions
 
 from agents.cli import main
 
 ROWS = 300
 T = np.arange(float(ROWS))
 HEADING = np.cumsum(np.where(T // 50 % 2 == 0, 0.0, 0.1))
-PATH = np.cumsum(10.0 * np.column_stack([np.cos(HEADING), np.sin(HEADING)]), axis=0)
+PATH = np.cumsum(10.0 * directions(HEADING), axis=0)
 X, Y = (PATH + np.random.default_rng(3).normal(size=PATH.shape)).T
 PLANE = {"time": T, "x": X, "y": Y}
 DEGREES = {"time": T, "x": 9.3 + 13e-6 * X, "y": 47.3 + 9e-6 * Y}

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from recorded_tracks import directions
 
 from agents import track_recording
 from baselines import read_recordings
@@ -24,7 +25,7 @@ def polar():
     """Range, bearing from the x axis and range rate at every tick, (T, 3), one of them missing."""
     generator = np.random.default_rng(3)
     heading = np.cumsum(SPEED * TAU / RADIUS * np.array([0, 1, -1])[TRUE])
-    velocity = SPEED * np.stack([np.cos(heading), np.sin(heading)], 1)
+    velocity = SPEED * directions(heading)
     away = np.cumsum(TAU * velocity, axis=0) - RADAR.position
     length = np.hypot(*away.T)
     noise = generator.normal(size=(3, len(TRUE)))

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 import pytest
-from recorded_tracks import OBJECTS
+from recorded_tracks import OBJECTS, drive, write_recording
 
 from agents.cli import main
 from agents.recordings.tracking import track_recording
@@ -39,14 +39,6 @@ def folder(tmp_path_factory):
     assert main(["track", str(folder / "both.csv"), "--no-png"]) == 0
     assert main(["track", *files, "--no-png", "--gpx", "--geojson", "--html"]) == 0
     return folder
-
-
-@pytest.fixture(scope="module")
-def drive():
-    """Times and positions of a car on a plane."""
-    car = OBJECTS["car"]
-    [run] = car.simulate(1, 3, "RLSL", (60, 50, 40, 70)).measurements
-    return car.times(220), run
 
 
 def written(folder, name):
@@ -153,19 +145,20 @@ def test_times_come_back_in_the_form_of_the_file(tmp_path, columns, cells):
     assert recording.lines.tolist() == list(range(first, first + 30))
 
 
-def test_arrays_have_no_columns_of_a_file(drive):
-    tracked = track_recording(*drive)
+def test_arrays_have_no_columns_of_a_file():
+    tracked = track_recording(*drive())
 
     assert {"line", "time", "lat", "object"}.isdisjoint(tracked.row_table())
     assert {"begin_time", "begin_lat", "object"}.isdisjoint(tracked.piece_table())
 
 
-def test_settings_are_what_was_found(drive):
+def test_settings_are_what_was_found():
     given_model = "radii", "measurement_variance", "process_variance"
-    tracked = track_recording(*drive, durations="geometric 50")
+    car = drive()
+    tracked = track_recording(*car, durations="geometric 50")
     settings = json.loads(json.dumps(tracked.settings(), allow_nan=False))
     again = track_recording(
-        *drive,
+        *car,
         radii=tuple(settings["radii"]),
         measurement_variance=settings["measurement_variance"],
         process_variance=settings["process_variance"],
@@ -176,7 +169,7 @@ def test_settings_are_what_was_found(drive):
     np.testing.assert_allclose(again.probabilities, tracked.probabilities, atol=1e-3)
     np.testing.assert_array_equal(again.modes, tracked.modes)
     live, again = (
-        track_recording(*drive, live=True, **given)
+        track_recording(*car, live=True, **given)
         for given in (
             {"durations": "geometric 50"},
             {name: settings[name] for name in ("decider", "durations", *given_model)},
@@ -244,11 +237,8 @@ def test_the_map_is_in_degrees_and_dates(folder):
 
 
 @pytest.mark.parametrize("kind", ["gpx", "geojson"])
-def test_a_plane_is_refused_where_degrees_are_needed(tmp_path, capsys, kind, drive):
-    times, run = drive
-    path = tmp_path / "drive.csv"
-    table = pd.DataFrame(run, columns=["x", "y"])
-    table.assign(t=times).to_csv(path, index=False)
+def test_a_plane_is_refused_where_degrees_are_needed(tmp_path, capsys, kind):
+    path = write_recording(tmp_path / "drive.csv", *drive())
 
     assert main(["track", str(path), f"--{kind}"]) == 2
     [line] = capsys.readouterr().err.splitlines()

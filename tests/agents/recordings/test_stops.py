@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
+from recorded_tracks import directions, follow, write_recording
 
 from agents.cli import main
 from agents.interface.output_files import write_json
@@ -50,27 +51,39 @@ OBJECTS = {
 }
 
 
-def travel(parts, speed, acceleration=np.inf):
-    """Return exact positions (T, 2) of ticks of length 1, and the modes (T,), "" while the object
-    brakes in a straight line, with the speed and the acceleration of a tick.
+SIDES = {"S": 0.0, "L": 1.0, "R": -1.0, "stop": 0.0}
+
+
+def travel(parts, speed):
+    """Return positions (T, 2) and modes (T,) of an object that changes its motion at once, with
+    the speed of a tick.
     """
-    position, heading, now = np.zeros(2), 0.4, speed
-    positions, modes = [], []
+    modes = np.repeat([mode for mode, _, _ in parts], [ticks for _, ticks, _ in parts])
+    position, heading, positions = np.zeros(2), 0.4, []
     for mode, ticks, value in parts:
         heading += value if mode == "S" else 0.0
-        left = ticks
-        while left:
-            aim = 0.0 if mode == "stop" else speed
-            now += np.clip(aim - now, -acceleration, acceleration)
-            brakes = mode == "stop" and now > 0.0
-            bend = {"L": 1.0, "R": -1.0}.get(mode, 0.0) * now / value if value else 0.0
+        step = 0.0 if mode == "stop" else speed
+        bend = SIDES[mode] and SIDES[mode] * step / value
+        for _ in range(ticks):
             heading += 0.5 * bend
-            position = position + now * np.array([np.cos(heading), np.sin(heading)])
+            position = position + step * directions(heading)
             heading += 0.5 * bend
             positions.append(position)
-            modes.append("" if brakes else mode)
-            left -= not brakes
-    return np.array(positions), np.array(modes)
+    return np.array(positions), modes
+
+
+def glide(modes, speed, radius, share):
+    """Return positions (T, 2) of an object that nears the speed of a mode by a tenth of the
+    difference in each tick, and its side by another share.
+    """
+    position, heading, step, side, positions = np.zeros(2), 0.4, speed, 0.0, []
+    for mode in modes:
+        step += 0.1 * ((0.0 if mode == "stop" else speed) - step)
+        side += share * (SIDES[mode] - side)
+        heading += side * step / radius
+        position = position + step * directions(heading)
+        positions.append(position)
+    return np.array(positions)
 
 
 def recorded(name, seed=1):
@@ -162,10 +175,7 @@ def test_a_decider_of_turns_leaves_the_stops_out():
 def test_a_live_tracker_states_the_stops_of_the_file(tmp_path, capsys):
     """The command writes the mode to all files; the tracker of track.json states it live."""
     times, positions, _ = recorded("walker")
-    file = tmp_path / "walk.csv"
-    pd.DataFrame({"time": times, "x": positions[:, 0], "y": positions[:, 1]}).to_csv(
-        file, index=False
-    )
+    file = write_recording(tmp_path / "walk.csv", times, positions)
 
     assert main(["track", str(file), "--live"]) == 0
 
@@ -175,7 +185,7 @@ def test_a_live_tracker_states_the_stops_of_the_file(tmp_path, capsys):
     settings = json.loads((tmp_path / "walk_track" / "track.json").read_text())
     assert settings["modes"][-1] == "stop"
     tracker = OnlineTracker.from_recording(tmp_path / "walk_track" / "track.json")
-    live = [tracker.update(point, time) for point, time in zip(positions, times, strict=True)]
+    live = follow(tracker, times, positions)
     stated = np.array([tracker.mode_names[now.mode] for now in live])
     decided = np.array([now.decided for now in live])
     assert (stated == rows["mode"])[decided].all()
@@ -190,10 +200,7 @@ def test_a_live_tracker_states_the_stops_of_the_file(tmp_path, capsys):
 def test_modes_may_be_given(tmp_path, capsys):
     """Those of a text are not searched; they have the units of the recording."""
     times, positions, modes = recorded("robot")
-    file = tmp_path / "robot.csv"
-    pd.DataFrame({"time": times, "x": positions[:, 0], "y": positions[:, 1]}).to_csv(
-        file, index=False
-    )
+    file = write_recording(tmp_path / "robot.csv", times, positions)
 
     assert main(["track", str(file), "--modes", "straight, left 1, stop", "--no-png"]) == 0
 
@@ -238,18 +245,8 @@ def test_a_recording_of_an_oscillator_is_tracked_by_linear_modes(tmp_path):
 def test_pieces_begin_where_the_motion_begins_to_change():
     """A car of 12 m/s at ten rows a second that steers within half a second and brakes within
     one."""
-    parts = 3 * [("S", 80, 0.0), ("L", 60, 20.0), ("stop", 70, 0.0), ("R", 60, 20.0)]
-    modes = np.repeat([mode for mode, _, _ in parts], [ticks for _, ticks, _ in parts])
-    wanted_speed = np.where(modes == "stop", 0.0, 12.0)
-    wanted_rate = {"L": 0.6, "R": -0.6, "S": 0.0, "stop": 0.0}
-    positions = np.zeros((len(modes), 2))
-    heading, speed, rate, place = 0.0, 12.0, 0.0, np.zeros(2)
-    for k, mode in enumerate(modes):
-        speed += 0.1 * (wanted_speed[k] - speed)
-        rate += 0.2 * (wanted_rate[mode] - rate)
-        heading += 0.1 * rate
-        place += 0.1 * speed * np.array([np.cos(heading), np.sin(heading)])
-        positions[k] = place
+    modes = np.repeat(3 * ["S", "L", "stop", "R"], 3 * [80, 60, 70, 60])
+    positions = glide(modes, 1.2, 20.0, 0.2)
     positions += np.random.default_rng(1).normal(0.0, 0.1, positions.shape)
     tracked = track_recording(0.1 * np.arange(len(modes)), positions)
 
@@ -280,18 +277,10 @@ def test_a_receiver_that_stands_does_not_turn_although_its_position_drifts():
 def test_a_live_stop_is_stated_while_the_object_slows_down(length, tau):
     """Its speed falls by a factor of e in ten ticks, from 12 deviations of the noise in a tick."""
     rng = np.random.default_rng(3)
-    step, heading, position = 1.2 * length, 0.4, np.zeros(2)
-    positions, modes = [], []
-    for mode in ["S", "stop", "L", "S", "stop", "R", "S", "stop", "L", "stop", "R", "S"]:
-        for _ in range(100):
-            step += 0.1 * ((0.0 if mode == "stop" else 1.2 * length) - step)
-            heading += {"L": 1.0, "R": -1.0}.get(mode, 0.0) * step / (20.0 * length)
-            position = position + step * np.array([np.cos(heading), np.sin(heading)])
-            positions.append(position)
-            modes.append(mode)
-    truth = np.array(modes)
-    measured = np.array(positions) + rng.normal(0.0, 0.1 * length, (len(modes), 2))
-    tracked = track_recording(tau * np.arange(len(modes)), measured, live=True)
+    order = ["S", "stop", "L", "S", "stop", "R", "S", "stop", "L", "stop", "R", "S"]
+    truth = np.repeat(order, 100)
+    measured = length * (glide(truth, 1.2, 20.0, 1.0) + rng.normal(0.0, 0.1, (len(truth), 2)))
+    tracked = track_recording(tau * np.arange(len(truth)), measured, live=True)
 
     assert 3.0 < tracked.model.stopping_time / tau < 30.0
     assert tracked.mode_names() == ["S", "L", "R", "stop"]
@@ -305,7 +294,7 @@ def test_a_live_stop_is_stated_while_the_object_slows_down(length, tau):
 
     live = OnlineTracker.from_recording(tracked)
     assert live.mode_names == tracked.mode_names()
-    known = [live.update(tuple(z), tau * k) for k, z in enumerate(measured)]
+    known = follow(live, tau * np.arange(len(truth)), measured)
     assert (
         np.mean([now.mode == mode for now, mode in zip(known, tracked.modes, strict=True)]) > 0.99
     )

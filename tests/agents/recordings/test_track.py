@@ -6,7 +6,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pandas as pd
 import pytest
-from recorded_tracks import OBJECTS
+import recorded_tracks
+from recorded_tracks import OBJECTS, write_recording
 
 from agents.cli import main
 from agents.commands import track
@@ -15,21 +16,15 @@ from agents.recordings.tracking import track_recording
 from baselines.recordings.reading.modes import read_modes
 from hybrid_env.checks import ArgumentError, reject
 
-CAR = OBJECTS["car"]
-LENGTHS = (60, 50, 40, 70)
-
 
 @pytest.fixture
 def drive(tmp_path):
     """A recording of a car, R60 L50 S40 L70."""
-    path = tmp_path / "drive.csv"
-    x, y = CAR.simulate(1, 3, "RLSL", LENGTHS).measurements[0].T
-    pd.DataFrame({"t": CAR.times(220), "x": x, "y": y}).to_csv(path, index=False)
-    return path
+    return write_recording(tmp_path / "drive.csv", *recorded_tracks.drive())
 
 
 def test_known_lengths_give_a_row_for_each_piece(drive):
-    Track(files=(drive,), lengths=LENGTHS, radii=(200.0,)).run()
+    Track(files=(drive,), lengths=recorded_tracks.PIECES, radii=(200.0,)).run()
     folder = drive.parent / "drive_track"
     pieces = pd.read_csv(folder / "modes.csv")
 
@@ -46,8 +41,8 @@ def test_rows_have_modes_probabilities_estimates_and_covariances(drive):
     table = pd.read_csv(drive.parent / "drive_track" / "estimates.csv")
     given = pd.read_csv(drive)
 
-    pd.testing.assert_frame_equal(table[["t", "x", "y"]], given, check_dtype=False)
-    expected = track_recording(given["t"], given[["x", "y"]])
+    pd.testing.assert_frame_equal(table[["time", "x", "y"]], given, check_dtype=False)
+    expected = track_recording(given["time"], given[["x", "y"]])
     assert (table["mode"] == np.array(["S", "L", "R"])[expected.modes]).all()
     np.testing.assert_allclose(table[["p_S", "p_L", "p_R"]], expected.probabilities)
     state = ["estimate_x", "estimate_vx", "estimate_y", "estimate_vy"]
@@ -79,8 +74,8 @@ ROWS = 60
 
 def write(path, seed=0, **more):
     generator = np.random.default_rng(seed)
-    x, y = np.cumsum(0.2 + 0.05 * generator.normal(size=(2, ROWS)), axis=1)
-    pd.DataFrame({"t": 0.1 * np.arange(ROWS), "x": x, "y": y, **more}).to_csv(path, index=False)
+    positions = np.cumsum(0.2 + 0.05 * generator.normal(size=(ROWS, 2)), axis=0)
+    write_recording(path, 0.1 * np.arange(ROWS), positions, **more)
 
 
 def test_a_broken_recording_gets_one_line_and_changes_nothing(tmp_path, capsys):
@@ -164,7 +159,7 @@ def test_every_file_is_worked_on_whatever_happens_to_the_others(tmp_path, capsys
 
 
 def test_names_are_no_formulas_of_a_spreadsheet_and_are_xml(tmp_path):
-    places = CAR.geographic(47.0, 8.0).drop(columns="mode").iloc[:60]
+    places = OBJECTS["car"].geographic(47.0, 8.0).drop(columns="mode").iloc[:60]
     names = ["=1+1", "@SUM(1)", "-1", "a\x07b"]
     path = tmp_path / "cars.csv"
     pd.concat([places.assign(id=name) for name in names]).to_csv(path, index=False)

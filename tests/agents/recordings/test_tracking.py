@@ -2,25 +2,19 @@
 
 import numpy as np
 import pytest
-from recorded_tracks import LENGTHS, OBJECTS, TRUE_MODES
+from recorded_tracks import LENGTHS, OBJECTS, PIECES, TRUE_MODES, drive
 
 from agents.evaluation.registry import load_decider
 from agents.recordings.tracking import TrackingArguments, track_recording
+from baselines import rollout
 from baselines.recordings.imm_pass import TrackModel
 from hybrid_env import HybridTrackQuickestVectorEnv
 from hybrid_env.checks import ArgumentError
 from hybrid_env.simulation import simulate
 
 CAR = OBJECTS["car"]
-TIMES = CAR.times(220)
-PIECES = (60, 50, 40, 70)
 TRUE = np.repeat([2, 1, 0, 1], PIECES)
-
-
-@pytest.fixture(scope="module")
-def drive():
-    """The measured positions of a car, R60 L50 S40 L70, (220, 2)."""
-    return CAR.simulate(1, 3, "RLSL", PIECES).measurements[0]
+TIMES, DRIVE = drive()
 
 
 def true_model(target):
@@ -28,27 +22,23 @@ def true_model(target):
     return TrackModel((target.radius,), *variances, 75.0, target.speed, target.tau)
 
 
-def right_from_recording(target, measurements):
-    known = {"lengths": LENGTHS, "radii": (target.radius,)}
-    tracked = [track_recording(target.times(len(run)), run, **known) for run in measurements]
-    return np.mean([each.pieces[:, 2] == TRUE_MODES for each in tracked])
-
-
-@pytest.mark.parametrize("name", ["readme", "aircraft"])
-def test_pieces_of_known_lengths_are_right_at_any_scale(name):
-    target = OBJECTS[name]
-    measurements = target.simulate(2).measurements
+@pytest.mark.parametrize(
+    ("name", "runs", "seed", "least"),
     # 28 pieces, each right with a probability of 0.97: fewer than 24 are right with a probability
-    # of 1e-3.
-    assert right_from_recording(target, measurements) >= 24 / 28
-
-
-@pytest.mark.study
-@pytest.mark.parametrize("name", OBJECTS)
-def test_95_percent_of_pieces_of_known_lengths_are_right(name):
+    # of 1e-3; and 560 pieces, with a standard error of at most 0.9 %.
+    [
+        *((name, 2, 1, 24 / 28) for name in ("readme", "aircraft")),
+        *(pytest.param(name, 40, 7, 0.95, marks=pytest.mark.study) for name in OBJECTS),
+    ],
+)
+def test_pieces_of_known_lengths_are_right_at_any_scale(name, runs, seed, least):
     target = OBJECTS[name]
-    # 560 pieces, standard error at most 0.9 %.
-    assert right_from_recording(target, target.simulate(40, seed=7).measurements) >= 0.95
+    known = {"lengths": LENGTHS, "radii": (target.radius,)}
+    right = [
+        track_recording(target.times(len(run)), run, **known).pieces[:, 2] == TRUE_MODES
+        for run in target.simulate(runs, seed).measurements
+    ]
+    assert np.mean(right) >= least
 
 
 def agreement(target, decider, tracks, seed):
@@ -59,18 +49,16 @@ def agreement(target, decider, tracks, seed):
     env = HybridTrackQuickestVectorEnv(
         tracks, autoreset_mode="Disabled", tick_info=False, start="random", **model.options()
     )
-    env.reset(seed=seed)
     rule = load_decider(decider, env.options)
-    ticks, state, first = env.options.ticks, None, np.ones(tracks, np.bool_)
-    measured = np.empty((ticks, tracks, 2))
-    true, stated = np.empty((2, ticks, tracks), int)
-    for k in range(ticks):
-        measured[k] = env.world.field("measurement")
-        true[k] = env.world.field("true_mode")
-        stated[k], state = rule.predict(rule.observe(env.world), state, first, True)
-        env.step(stated[k])
-        first = np.zeros(tracks, np.bool_)
-    right = []
+    ticks, measured, true, stated, right = env.options.ticks, [], [], [], []
+    for now in rollout(env, rule, seed):
+        if now.step:
+            stated.append(now.actions)
+        if now.step == ticks:
+            break
+        measured.append(env.world.field("measurement").copy())
+        true.append(env.world.field("true_mode").copy())
+    measured, true, stated = map(np.array, (measured, true, stated))
     for k in range(tracks):
         points = measured[:, k] / model.scales[0]
         tracked = track_recording(target.times(ticks), points, decider=decider, live=True)
@@ -79,11 +67,22 @@ def agreement(target, decider, tracks, seed):
     return (stated == true).mean(), np.mean(right)
 
 
-def test_unknown_lengths_are_as_in_the_environment():
+@pytest.mark.parametrize(
+    ("name", "decider", "tracks", "seed", "chance"),
     # Paired, on the same measurements: the difference of a track has a standard deviation of about
     # 0.03.
-    of_env, of_recording = agreement(CAR, "steady", 4, 5)
-    assert of_recording > of_env - 0.02 - 3.0 * 0.03 / np.sqrt(4)
+    [
+        ("car", "steady", 4, 5, 3.0 * 0.03 / np.sqrt(4)),
+        *(
+            pytest.param(name, decider, 20, 11, 0.0, marks=pytest.mark.study)
+            for name in OBJECTS
+            for decider in ("steady", "beam")
+        ),
+    ],
+)
+def test_unknown_lengths_are_as_in_the_environment(name, decider, tracks, seed, chance):
+    of_env, of_recording = agreement(OBJECTS[name], decider, tracks, seed)
+    assert of_recording > of_env - 0.02 - chance
 
 
 @pytest.mark.parametrize("name", ["walker", "ship"])
@@ -100,17 +99,8 @@ def test_no_piece_is_shorter_than_three_rows(name):
     assert min(shortest[None], shortest["steady"]) >= 3 > shortest["threshold"]
 
 
-@pytest.mark.study
-@pytest.mark.parametrize("decider", ["steady", "beam"])
-@pytest.mark.parametrize("name", OBJECTS)
-def test_agreement_of_unknown_lengths_is_within_two_percent(name, decider):
-    of_env, of_recording = agreement(OBJECTS[name], decider, 20, 11)
-
-    assert of_recording > of_env - 0.02
-
-
-def test_a_car_is_tracked_without_any_option(drive):
-    free = track_recording(TIMES, drive)
+def test_a_car_is_tracked_without_any_option():
+    free = track_recording(TIMES, DRIVE)
     assert (free.modes == TRUE).mean() > 0.98
     assert (free.modes[:20] == TRUE[:20]).all()
     begins = TIMES[np.cumsum(PIECES[:-1])]
@@ -120,15 +110,15 @@ def test_a_car_is_tracked_without_any_option(drive):
     assert free.warnings == []
 
 
-def test_a_drift_of_the_positions_is_found_and_is_no_turn(drive):
+def test_a_drift_of_the_positions_is_found_and_is_no_turn():
     """Errors of a GPS remember earlier ones: their steps here are 1.5 times the white noise."""
     steps = np.random.default_rng(3).normal(0.0, 1.5 * CAR.measurement_variance**0.5, (220, 2))
-    drifting = track_recording(TIMES, drive + np.cumsum(steps, axis=0))
+    drifting = track_recording(TIMES, DRIVE + np.cumsum(steps, axis=0))
 
     assert "drift_variance" in drifting.model.estimated
     assert drifting.model.drift_variance == pytest.approx(2.25 * CAR.measurement_variance, rel=0.5)
     assert (drifting.modes == TRUE).mean() > 0.9
-    assert track_recording(TIMES, drive).model.drift_variance == 0.0
+    assert track_recording(TIMES, DRIVE).model.drift_variance == 0.0
 
 
 def test_the_example_of_the_readme_is_right():
@@ -142,10 +132,10 @@ def test_the_example_of_the_readme_is_right():
 # With hindsight a node that is barely kept in one unit may be left out in the other.
 @pytest.mark.parametrize(("live", "tolerance"), [(True, 1e-6), (False, 1e-4)])
 @pytest.mark.parametrize("options", [{}, {"lengths": PIECES}])
-def test_units_change_no_decision(options, live, tolerance, drive):
+def test_units_change_no_decision(options, live, tolerance):
     length, time = 1000.0, 60.0
-    plain = track_recording(TIMES, drive, live=live, **options)
-    other = track_recording(time * TIMES, length * drive, live=live, **options)
+    plain = track_recording(TIMES, DRIVE, live=live, **options)
+    other = track_recording(time * TIMES, length * DRIVE, live=live, **options)
 
     np.testing.assert_array_equal(other.pieces, plain.pieces)
     np.testing.assert_allclose(other.probabilities, plain.probabilities, atol=tolerance)
@@ -153,12 +143,12 @@ def test_units_change_no_decision(options, live, tolerance, drive):
     np.testing.assert_allclose(other.estimates[:, ::2] / length, positions, atol=1e-3)
 
 
-def test_missing_rows_are_predicted(drive):
+def test_missing_rows_are_predicted():
     kept = np.random.default_rng(0).random(220) > 0.2
     kept[[0, -1]] = True
-    empty = np.where(kept[:, None], drive, np.nan)
+    empty = np.where(kept[:, None], DRIVE, np.nan)
     with_rows = track_recording(TIMES, empty)
-    without_rows = track_recording(TIMES[kept], drive[kept])
+    without_rows = track_recording(TIMES[kept], DRIVE[kept])
 
     np.testing.assert_array_equal(with_rows.modes[kept], without_rows.modes)
     assert (with_rows.modes == TRUE).mean() > 0.9
@@ -168,10 +158,10 @@ def test_missing_rows_are_predicted(drive):
     assert known.pieces[:, 2].tolist() == [2, 1, 0, 1]
 
 
-def test_a_gap_starts_the_track_anew(drive):
+def test_a_gap_starts_the_track_anew():
     after = np.arange(220) >= 100
     times = TIMES + 1000.0 * after
-    tracked = track_recording(times, drive + 1e5 * after[:, None])
+    tracked = track_recording(times, DRIVE + 1e5 * after[:, None])
 
     assert (tracked.modes == TRUE).mean() > 0.9
     assert 100 in tracked.pieces[:, 0]

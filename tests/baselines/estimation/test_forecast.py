@@ -1,5 +1,6 @@
 """Forecasts of the position."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,7 +10,7 @@ from recorded_tracks import OBJECTS
 
 from baselines.estimation.forecast import forecast
 from baselines.estimation.turn_tracks import TurnTracks
-from hybrid_env import ArgumentError, QuickestOptions, WorldOptions, simulate
+from hybrid_env import ArgumentError, QuickestOptions, WorldOptions
 from hybrid_env.modes import Stop, Straight, modes_of_radii
 
 ESTIMATE = np.array([1.0, 2.0, -1.0, 0.5])
@@ -87,24 +88,9 @@ def inside(mean, covariance, place):
 def test_ellipses_of_the_stated_mode_hold_as_much_as_they_state(name, mode, kind):
     world = OBJECTS[name]
     tracks, length, seen = 200, 60, 40
-    radius = 1.3 * world.radius
-    words = f"S40 {mode}{length}" + ("" if mode == "S" else f"r{radius}")
-    run = simulate(
-        words,
-        tracks,
-        9,
-        start=world.start,
-        tau=world.tau,
-        process_variance=world.process_variance,
-        measurement_variance=world.measurement_variance,
-    )
-    options = kind(
-        radii=(world.radius,),
-        speed=world.speed,
-        tau=world.tau,
-        process_variance=world.process_variance,
-        measurement_variance=world.measurement_variance,
-    )
+    other = replace(world, radius=1.3 * world.radius)
+    run = other.simulate(tracks, 9, "S" + mode, (40, length))
+    options = world.options(kind)
     start = np.diag([world.measurement_variance, (0.05 * world.speed) ** 2] * 2)
     # Seconds of the readme's object, and ticks of the others.
     ticks = np.array([10, 20] if name == "readme" else [1, 2, 5])

@@ -1,5 +1,7 @@
 """Speed and radius of turns whose radius is not known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from filterpy.kalman import KalmanFilter
@@ -147,32 +149,11 @@ def test_a_radius_that_counts_as_known_has_errors_far_beyond_its_deviation():
     assert (np.mean(radius[5:20] ** 2, axis=1) > 100).all()
 
 
-def car(kind, **options):
-    world = OBJECTS["car"]
-    return kind(
-        radii=(world.radius,),
-        speed=world.speed,
-        tau=world.tau,
-        process_variance=world.process_variance,
-        measurement_variance=world.measurement_variance,
-        **options,
-    )
-
-
-def run_announced(seed, modes="SLRS", length=40, ratio=1.25):
+def run_announced(seed, modes="SLRS", length=40):
     """Turns at the ends of segments, with right decisions after 10 ticks, and the true ones."""
     world = OBJECTS["car"]
-    words = [mode + str(length) + ("" if mode == "S" else f"r{ratio * 200}") for mode in modes]
-    run = simulate(
-        " ".join(words),
-        1,
-        seed,
-        start=world.start,
-        tau=world.tau,
-        process_variance=world.process_variance,
-        measurement_variance=world.measurement_variance,
-    )
-    track = TurnTracks(car(WorldOptions, bank="anchor_aware"))
+    run = replace(world, radius=250.0).simulate(1, seed, modes, len(modes) * (length,))
+    track = TurnTracks(world.options(WorldOptions, bank="anchor_aware"))
     track.begin(np.array(world.start), np.diag([4.0, 0.1, 4.0, 0.1]))
     turns = []
     for k, mode in enumerate(modes):
@@ -183,13 +164,13 @@ def run_announced(seed, modes="SLRS", length=40, ratio=1.25):
                 assert np.isnan(track.turn()[2:]).all()
                 track.decide("SLR".index(mode) + 1)
         turns.append((track.turn(), run.truth[0, (k + 1) * length - 1]))
-    return track, turns
+    return turns
 
 
 def test_after_decisions_a_radius_other_than_that_of_the_bank_is_found():
     errors = []
     for seed in range(12):
-        _, turns = run_announced(seed)
+        turns = run_announced(seed)
         for turn, truth in turns:
             errors.append((turn.speed - np.hypot(*truth[1::2])) / turn.speed_deviation)
         assert [turn.radius for turn, _ in turns[::3]] == [np.inf, np.inf]

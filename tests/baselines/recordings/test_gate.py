@@ -4,6 +4,7 @@ objects.
 
 import numpy as np
 import pytest
+from recorded_tracks import directions
 
 from baselines import OnlineTracker, ThresholdDecider
 from hybrid_env import HybridTrackQuickestVectorEnv, QuickestOptions
@@ -44,8 +45,7 @@ def test_a_track_is_found_again_within_50_ticks(scale, count, size):
     points = measured(options)
     errors = np.zeros_like(points)
     angles = np.full(count, 0.7) if count == 140 else np.arange(count)
-    circle = np.column_stack([np.cos(angles), np.sin(angles)])
-    errors[DISTURBED : DISTURBED + count] = size * deviation * circle
+    errors[DISTURBED : DISTURBED + count] = size * deviation * directions(angles)
     with_errors, expected = (
         [tracker.update(point) for point in rows]
         for tracker, rows in (

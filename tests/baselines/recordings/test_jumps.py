@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from recorded_tracks import directions
 
 from agents import track_recording
 from hybrid_env.simulation import simulate
@@ -29,7 +30,7 @@ def test_errors_and_jumps_spoil_neither_the_fit_nor_later_decisions(
     angles = np.resize(np.random.default_rng(1).uniform(0.0, 2.0 * np.pi, places), count)
     errors = np.zeros_like(points)
     rows = errors[FIRST : FIRST + count]
-    rows[:] = size * np.column_stack([np.cos(angles), np.sin(angles)])[: len(rows)]
+    rows[:] = size * directions(angles)[: len(rows)]
     tracked = track_recording(None, scale * (points + errors))
 
     assert tracked.outliers == count % 500

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from recorded_tracks import directions, follow
 
 from agents import track_recording
 from baselines import OnlineTracker
@@ -16,7 +17,7 @@ def circling(seed, wind=WIND, noise=0.5):
     modes = np.repeat([0, 1, 0, 2, 0, 1], [60, 120, 60, 120, 60, 120])
     rates = np.radians(15.0) * np.array([0.0, 1.0, -1.0])[modes]
     headings = np.cumsum(rates) - 0.5 * rates
-    air = 10.0 * np.stack([np.cos(headings), np.sin(headings)], axis=1)
+    air = 10.0 * directions(headings)
     # Exact steps of a circle in a second.
     positions = np.cumsum(air * np.sinc(rates / (2.0 * np.pi))[:, None] + wind, axis=0)
     return np.arange(len(modes), dtype=float), positions + rng.normal(0.0, noise, positions.shape)
@@ -58,7 +59,7 @@ def test_a_live_tracker_moves_with_the_wind_of_a_recording():
     times, positions = circling(3)
     recording = track_recording(times, positions, live=True)
     tracker = OnlineTracker.from_recording(recording)
-    known = [tracker.update(place, time) for place, time in zip(positions, times, strict=True)]
+    known = follow(tracker, times, positions)
     assert [each.mode for each in known[10:]] == recording.modes[10:].tolist()
     estimates = np.array([each.estimate for each in known])
     assert estimates[10:] == pytest.approx(recording.estimates[10:], abs=1e-6)
@@ -80,11 +81,10 @@ def test_an_object_that_stands_before_it_circles_stands_over_ground():
 def test_a_track_begins_in_a_wind_with_an_estimate_of_a_time():
     times, positions = circling(6)
     tracker = OnlineTracker.from_recording(track_recording(times, positions))
-    moments = times + 5000.0
     velocity = np.array([10.0, 0.0]) + WIND
     place = positions[0] - velocity
     tracker.begin([place[0], velocity[0], place[1], velocity[1]], np.eye(4), time=4999.0)
-    known = [tracker.update(z, time) for z, time in zip(positions[:40], moments, strict=False)]
+    known = follow(tracker, times[:40] + 5000.0, positions[:40])
 
     assert [each.status for each in known] == ["begun"] + 39 * ["used"]
     assert known[-1].position == pytest.approx(positions[39], abs=2.0)

@@ -4,14 +4,12 @@ import copy
 
 import numpy as np
 import pytest
-from matrix_filters import MatrixExtendedKalmanFilter
-from own_modes import linear_filter
+from own_modes import filter_of_mode
 
 from baselines.rules.beam import BeamDecider
 from baselines.rules.beam_prior import hazards
 from hybrid_env import QuickestOptions
 from hybrid_env.durations import duration_probabilities, parse_durations, remaining_probabilities
-from hybrid_env.modes import Stop
 
 TRIANGLE = np.triu_indices(4)
 
@@ -36,7 +34,7 @@ def test_without_pruning_the_beam_is_the_filter_of_all_modes_and_ages(text, mode
         start="random",
     )
     M = options.hypotheses
-    law, R = options.law, options.measurement_variance
+    law = options.law
     first, later = (
         probabilities(law, 50)
         for probabilities in (remaining_probabilities, duration_probabilities)
@@ -48,14 +46,10 @@ def test_without_pruning_the_beam_is_the_filter_of_all_modes_and_ages(text, mode
     position = anchor[[0, 2]] + 0.1 * np.arange(1, 14)[:, None] * anchor[[1, 3]]
     z = position + generator.normal(0, 0.15, (13, 2))
 
-    def begin(mode, state, covariance):
-        motion = options.all_modes[mode]
-        if isinstance(motion, Stop):
-            return linear_filter(state, covariance, motion, 0.1, 0.01, R)
-        return MatrixExtendedKalmanFilter(state, covariance, motion.signed_radius, 0.1, 0.01, R)
-
     # Mode, law of the duration, age, filter, weight.
-    branches = [(mode, first, 1, begin(mode, anchor, P), 1 / M) for mode in range(M)]
+    branches = [
+        (mode, first, 1, filter_of_mode(options, mode, anchor, P), 1 / M) for mode in range(M)
+    ]
     decider = BeamDecider(options, branches=200)
     start = [*anchor, *P[TRIANGLE], *np.log([1 / M] * M)]
     rows = np.hstack([z, np.tile(start, (13, 1))])
@@ -81,7 +75,8 @@ def test_without_pruning_the_beam_is_the_filter_of_all_modes_and_ages(text, mode
                 mean = w @ states
                 covariance = np.einsum("b,bij->ij", w, spreads)
                 covariance += (w[:, None] * (states - mean)).T @ (states - mean)
-                children.append((new, later, 1, begin(new, mean, covariance), shares.sum()))
+                kalman = filter_of_mode(options, new, mean, covariance)
+                children.append((new, later, 1, kalman, shares.sum()))
         branches = []
         for mode, p, age, kalman, weight in children:
             before = kalman.log_likelihood

@@ -5,7 +5,7 @@ import pytest
 
 from baselines import SPRTDecider
 from baselines.rules.rollout import record_decisions
-from baselines.scoring.decisions import DECISION_COLUMNS, RMSE, Decisions
+from baselines.scoring.decisions import RMSE, Decisions
 from baselines.scoring.scores import Scores
 from hybrid_env import HybridTrackEnv, WorldOptions
 
@@ -40,10 +40,10 @@ def test_figures_of_an_episode_are_those_of_its_segments():
     error = np.array([[40.0, 120.0, 40.0, 120.0]])
     reward = WorldOptions().segment_reward(correct, 5 * ones)
     decisions = Decisions(correct, correct, 5 * ones, flags, zeros, zeros, length, error, reward)
-    values = dict(zip(DECISION_COLUMNS, decisions.values[0], strict=True))
+    values = dict(zip(Decisions.columns, decisions.values[0], strict=True))
 
     assert values["accuracy"] == values["type_accuracy"] == 0.5
     assert values["reward"] == pytest.approx(-0.1)
-    scores = Scores("x", "k", (0.0,), DECISION_COLUMNS, decisions.values[..., None])
+    scores = Scores("x", "k", (0.0,), Decisions.columns, decisions.values[..., None])
     # Over ticks, not over segments.
     assert scores.estimate(RMSE).value == pytest.approx(2.0)

@@ -4,14 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from matrix_filters import MatrixExtendedKalmanFilter, MatrixKalmanFilter
-from own_modes import linear_filter
+from own_modes import filter_of_mode
 
 from baselines.rules.glr import RestartDecider
 from hybrid_env import HybridTrackQuickestVectorEnv, QuickestOptions, Radar, Sensor
-from hybrid_env.modes import Accelerate, Stop
+from hybrid_env.live import SQUARE
 
-TRIANGLE = np.triu_indices(4)
 SHORT = {
     "ticks": 45,
     "durations": "uniform 8-15",
@@ -51,15 +49,6 @@ def run(decider, **options):
     return np.array(seen), np.array(stated), np.array(log_ratios)
 
 
-def matrix_filter(bank, mode, state, P, options):
-    kind = MatrixKalmanFilter if bank == "published" else MatrixExtendedKalmanFilter
-    motion = options.all_modes[mode]
-    rest = options.tau, options.process_variance, np.broadcast_to(options.variances, 2)
-    if isinstance(motion, (Stop, Accelerate)):
-        return linear_filter(state, P, motion, *rest)
-    return kind(state, P, motion.signed_radius, *rest)
-
-
 def step(kalman, row, options):
     """Advance a matrix filter by the measurements of a row, if there are any."""
     if options.sensors:
@@ -71,25 +60,19 @@ def step(kalman, row, options):
     kalman.step(None if np.isnan(row[0]) else row[:2])
 
 
-def estimate(kalman):
-    return kalman.x[:4], kalman.P[:4, :4]
-
-
 def literal(seen, options, mean, threshold, margin, window):
     """Statements (T,) and log ratios (T, M) of one track, (T, width), by definition."""
-    M, bank = options.hypotheses, "published" if mean else "anchor_aware"
+    M = options.hypotheses
     stated = int(seen[0, 16 : 16 + M].argmax())
-    P = np.zeros((4, 4))
-    P[TRIANGLE] = seen[0, 6:16]
-    P += np.triu(P, 1).T
-    nominal = matrix_filter(bank, stated, seen[0, 2:6], P, options)
+    nominal = filter_of_mode(options, stated, seen[0, 2:6], seen[0, 6:16][SQUARE], exact=mean)
     others = [mode for mode in range(M) if mode != stated]
     # (filters by mode, log-likelihood of the stated mode before the start)
     tests = []
     statements = [stated]
     log_ratios = [np.zeros(M)]
     for row in seen[1:]:
-        new = {mode: matrix_filter(bank, mode, *estimate(nominal), options) for mode in others}
+        now = nominal.x[:4], nominal.P[:4, :4]
+        new = {mode: filter_of_mode(options, mode, *now, exact=mean) for mode in others}
         tests = [*tests, (new, nominal.log_likelihood)][-window:]
         step(nominal, row, options)
         logs = {mode: [] for mode in others}

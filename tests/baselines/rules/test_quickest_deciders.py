@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from baselines import rollout
 from baselines.rules.change_detection import CusumDecider, ShiryaevRobertsDecider
 from baselines.rules.steady import SteadyDecider
 from hybrid_env import HybridTrackQuickestVectorEnv, QuickestLayout
@@ -19,16 +20,13 @@ TRACKS = 12
 def run(decider, episodes=1):
     """Return rows (T, N, width) and statements (T, N) of a decider that keeps its state."""
     env = HybridTrackQuickestVectorEnv(TRACKS, autoreset_mode="SameStep", **OPTIONS)
-    rows, _ = env.reset(seed=3)
-    state = None
-    seen = []
-    stated = []
-    for _ in range(150 * episodes):
-        actions, state = decider.predict(rows, state)
-        seen.append(rows)
-        stated.append(actions)
-        rows, *_ = env.step(actions)
-    return np.array(seen), np.array(stated)
+    seen, stated = [], []
+    for now in rollout(env, decider, 3):
+        if now.step:
+            stated.append(now.actions)
+        if now.step == 150 * episodes:
+            return np.array(seen), np.array(stated)
+        seen.append(now.observation)
 
 
 def cusum(ratios):

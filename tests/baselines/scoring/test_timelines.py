@@ -5,8 +5,8 @@ ticks.
 import numpy as np
 import pytest
 
-from baselines import ThresholdDecider, record_statements
-from baselines.scoring.statements import STATEMENT_COLUMNS, Statements, measure_statements
+from baselines import ThresholdDecider, record_statements, rollout
+from baselines.scoring.statements import Statements, measure_statements
 from baselines.scoring.timelines import Timeline, TimelineCounts, count_timeline
 from hybrid_env import HybridTrackQuickestVectorEnv
 
@@ -83,13 +83,14 @@ def test_statements_at_ticks_are_counted_as_those_at_samples():
         np.repeat(generator.integers(0, 3, (40, 7)), ticks, axis=0)[:60] for ticks in (5, 2)
     )
     every = np.ones(60, np.bool_)
-    for track, counted in enumerate(measure_statements(Statements(true, stated)).values):
+    metrics = measure_statements(Statements(true, stated))
+    for track, counted in enumerate(metrics.values):
         line = Timeline(
             np.arange(60.0), true[:, track], stated[:, track], every, every * 1.0, every
         )
         counts = TimelineCounts(*count_timeline(line)[0])
         assert (
-            dict(zip(STATEMENT_COLUMNS, counted, strict=True)).items()
+            dict(zip(metrics.columns(), counted, strict=True)).items()
             >= {
                 "right": counts.agreed / counts.scored,
                 "switches": counts.switches + counts.pending,
@@ -117,11 +118,11 @@ def test_the_reward_is_that_of_the_environment():
     decider = ThresholdDecider(0.5)
     metrics = measure_statements(record_statements(decider, 30, 8, **options), change_cost=3.0)
     env = HybridTrackQuickestVectorEnv(30, **options)
-    rows, _ = env.reset(seed=8)
     total = np.zeros(30)
-    for _ in range(120):
-        rows, rewards, *_ = env.step(decider.predict(rows)[0])
-        total += rewards
+    for now in rollout(env, decider, 8):
+        total += now.rewards
+        if now.step == 120:
+            break
 
     np.testing.assert_allclose(metrics.reward, total / 120, rtol=1e-12)
     assert metrics.wrong_changes.sum() > 0

@@ -7,7 +7,8 @@ import math
 
 import numpy as np
 import pytest
-from matrix_filters import FREEDOM, LiteralImm, filters_at_switch, step_filters, transition_matrix
+from matrix_filters import FREEDOM, LiteralImm, bank_values, step_filters, transition_matrix
+from own_modes import filters_of_modes
 
 from hybrid_env import (
     HybridTrackEnv,
@@ -103,28 +104,15 @@ def test_a_bank_equals_matrix_filters_from_a_switch_on(options):
     )
     env.reset(seed=4)
     rows, *_, info = env.step(np.full(LANES, 3))
-    banks = [filters_at_switch(env, i) for i in range(LANES)]
+    modes = dict.fromkeys(env.options.all_modes)
+    banks = [filters_of_modes(env, i, modes) for i in range(LANES)]
     aware = env.options.bank == "anchor_aware"
     rtol, atol = (1e-5, 1e-7) if aware else (1e-9, 1e-9)
     for _ in range(25):
         for i, filters in enumerate(banks):
             step_filters(filters, env, i, env.world.field("measurement")[i])
-        described = {
-            "log_likelihood": lambda kalman: kalman.log_likelihood,
-            # Zero without a measurement, where the mask says so.
-            "innovations": lambda kalman: np.nan_to_num(kalman.innovation),
-            "innovation_covariances": lambda kalman: kalman.Sigma,
-            "estimates": lambda kalman: kalman.s[:4] if aware else kalman.x,
-            "covariances": lambda kalman: kalman.P[:4, :4],
-        }
-        for name, value in described.items():
-            np.testing.assert_allclose(
-                info[name],
-                [[value(kalman) for kalman in filters] for filters in banks],
-                rtol=rtol,
-                atol=atol,
-                err_msg=name,
-            )
+        for name, expected in bank_values(banks):
+            np.testing.assert_allclose(info[name], expected, rtol, atol, err_msg=name)
         check_rows(env, rows, env.world.field("measurement"))
         rows, *_, info = env.step(np.zeros(LANES, np.int64))
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from recorded_tracks import directions
 
 from hybrid_env.checks import ArgumentError
 
@@ -85,7 +86,7 @@ def test_one_object_is_not_taken_for_two(read_one, step, scale):
     generator = np.random.default_rng(1)
     rows = 300
     heading = np.cumsum(generator.normal(0.0, 0.3, rows))
-    track = step * np.cumsum(np.column_stack([np.cos(heading), np.sin(heading)]), axis=0)
+    track = step * np.cumsum(directions(heading), axis=0)
     track += generator.normal(0.0, 1.0, (rows, 2))
     # Errors of the sensor.
     track[::20] += 30.0

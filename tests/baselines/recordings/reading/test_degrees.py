@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 from made_up_glider import degrees_of
 from pyproj import Geod
+from recorded_tracks import directions
 
 from hybrid_env.checks import ArgumentError
 
@@ -22,9 +23,7 @@ def degrees(latitude, longitude, speed, tick=1.0):
     for heading in headings:
         points.append(GEOD.fwd(*points[-1], heading, speed * tick)[:2])
     longitudes, latitudes = np.transpose(points)
-    steps = (
-        speed * tick * np.column_stack([np.sin(np.radians(headings)), np.cos(np.radians(headings))])
-    )
+    steps = speed * tick * directions(np.radians(90.0 - headings))
     return pd.DataFrame({"t": tick * np.arange(ROWS), "lat": latitudes, "lon": longitudes}), steps
 
 
@@ -64,7 +63,7 @@ def test_degrees_under_the_names_x_and_y_are_refused_with_the_option(read, read_
 def test_metres_and_kilometres_of_what_moves_are_not_taken_for_degrees(read_one, scale, offset):
     generator = np.random.default_rng(0)
     heading = np.cumsum(generator.normal(0.0, 0.05, 400))
-    track = np.cumsum(0.14 * np.column_stack([np.cos(heading), np.sin(heading)]), axis=0)
+    track = np.cumsum(0.14 * directions(heading), axis=0)
     track = scale * (track + offset * np.ptp(track) + generator.normal(0.0, 0.1, (400, 2)))
     frame = pd.DataFrame({"t": 0.1 * np.arange(400), "x": track[:, 0], "y": track[:, 1]})
 

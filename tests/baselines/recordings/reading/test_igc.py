@@ -7,7 +7,6 @@ import pytest
 from made_up_glider import PROJECTION, fly, made_up_log, write_log
 
 from baselines.recordings.reading.igc import is_igc, parse_igc
-from baselines.recordings.reading.read import read_recordings
 
 
 @pytest.mark.parametrize(("digits", "error"), [(0, 1.4), (3, 0.0014)])
@@ -33,10 +32,8 @@ def test_south_west_and_midnight():
     assert log.altitudes.tolist() == [100.0, 103.0]
 
 
-def test_a_log_is_a_recording_without_the_name_of_the_pilot(tmp_path):
-    path = tmp_path / "flight.igc.gz"
-    path.write_bytes(gzip.compress(made_up_log(2)))
-    file = read_recordings(path)
+def test_a_log_is_a_recording_without_the_name_of_the_pilot(read):
+    file = read(gzip.compress(made_up_log(2)), "flight.igc.gz")
     (recording,) = file.recordings
 
     assert (len(recording.times), recording.unit) == (600, "m")
@@ -85,10 +82,8 @@ def test_a_clock_that_is_set_begins_a_new_piece_with_all_positions(hours):
 
 
 @pytest.mark.parametrize("void", [5, 120])
-def test_void_positions_are_left_out_unless_the_logger_has_no_others(tmp_path, void):
-    path = tmp_path / "flight.igc"
-    path.write_bytes(log_at(CLOCK).replace(b"EA0", b"EV0", void))
-    file = read_recordings(path)
+def test_void_positions_are_left_out_unless_the_logger_has_no_others(read, void):
+    file = read(log_at(CLOCK).replace(b"EA0", b"EV0", void), "flight.igc")
 
     left_out = {"rows of a sensor without a fix": void} if void < 120 else {}
     assert file.left_out == left_out

@@ -49,18 +49,11 @@ def parquet(frame):
 @pytest.mark.parametrize(
     ("content", "options", "said"),
     [
-        (FRAME.set_index("t").to_csv(), {}, "tick 0.25 s"),
         # The index has no name.
         (PLANE.set_index(DATES).to_csv(), {}, "dates from 2024-05-01T10:00:00Z"),
-        (
-            PLANE.set_index(pd.Index(TIMES)).to_csv(),
-            {"columns": {"time": "1", "x": "x", "y": "y"}},
-            "",
-        ),
         (PLANE.to_csv(), {"times": None}, "'column 1' taken as ticks"),
         (PLANE, {"times": None}, "no times: a row is a tick (--tau)"),
         (PLANE, {"tau": 0.25}, "tick 0.25 s"),
-        (FRAME.to_csv(header=False, index=False), {}, "no header: columns taken as time, x, y"),
         (
             PLANE.to_csv(header=False, index=False),
             {"times": None},
@@ -74,16 +67,14 @@ def parquet(frame):
         ),
         # Aligned by spaces.
         (TEXT.to_string(), {"name": "walk.txt"}, ""),
-        (TEXT.to_string(index=False, header=False) + "\n", {"name": "walk.txt"}, "no header"),
         # A delimiter at the end of each row.
         (FRAME.to_csv(index=False).replace("\n", ",\n"), {}, ""),
         (FRAME.to_csv(index=False).replace("\n", ",\n").replace("y,", "y", 1), {}, ""),
-        (parquet(FRAME), {"name": "walk.parquet"}, ""),
         (gzip.compress(parquet(FRAME)), {"name": "walk.parquet"}, ""),
         (parquet(FRAME.assign(t=DATES).set_index("t")), {"name": "walk.parquet"}, "dates"),
         (parquet(PLANE.set_index(DATES.tz_localize("UTC"))), {"name": "walk.parquet"}, "dates"),
     ],
-    ids=range(18),
+    ids=range(13),
 )
 def test_times_header_and_index(check, content, options, said):
     assert said in check(content, **options)

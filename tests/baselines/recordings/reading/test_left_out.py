@@ -5,13 +5,14 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
+from recorded_tracks import directions
 
 from hybrid_env.checks import ArgumentError
 
 ROWS = 200
 T = np.arange(ROWS, dtype=np.float64)
 HEADING = np.cumsum(np.where((T // 40) % 2 == 0, 0.0, 0.1))
-TRACK = np.cumsum(1.5 * np.column_stack([np.cos(HEADING), np.sin(HEADING)]), axis=0)
+TRACK = np.cumsum(1.5 * directions(HEADING), axis=0)
 TRACK += np.random.default_rng(0).normal(0.0, 0.2, (ROWS, 2))
 FRAME = pd.DataFrame({"time": T, "x": TRACK[:, 0], "y": TRACK[:, 1]})
 LINES = FRAME.round(3).to_csv(index=False).splitlines()

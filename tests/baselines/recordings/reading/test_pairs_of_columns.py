@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 
-from baselines.recordings.reading.read import read_recordings
-
 TIMES = 0.04 * np.arange(60)
 HEADER = ",,,Home,,Home,,Home,\n,,,11,,1,,2,\nPeriod,Frame,Time [s],Player11,,Player1,,Player2,\n"
 
@@ -13,13 +11,11 @@ def row(k, *cells):
     return ",".join(["1", str(k + 1), f"{TIMES[k]:.2f}", *cells]) + "\n"
 
 
-def test_every_player_is_an_object(tmp_path):
-    path = tmp_path / "match.csv"
+def test_every_player_is_an_object(read):
     place = [f"{0.2 * k:.3f},{1.0 + 0.1 * k:.3f}" for k in range(60)]
     other = [f"{5.0 - 0.2 * k:.3f},{-0.1 * k:.3f}" for k in range(60)]
-    path.write_text(HEADER + "".join(row(k, place[k], other[k], "NaN,NaN") for k in range(60)))
-
-    file = read_recordings(path)
+    content = HEADER + "".join(row(k, place[k], other[k], "NaN,NaN") for k in range(60))
+    file = read(content)
 
     assert [each.name for each in file.recordings] == ["Player11", "Player1"]
     for recording, cells in zip(file.recordings, (place, other), strict=True):
@@ -29,14 +25,12 @@ def test_every_player_is_an_object(tmp_path):
     assert file.objects == 3
     assert file.warnings[0].startswith("Player2: ")
     # One of them by the option, as before.
-    [one] = read_recordings(path, columns={"x": "6", "y": "7"}).recordings
+    [one] = read(content, columns={"x": "6", "y": "7"}).recordings
     np.testing.assert_array_equal(one.positions, file.recordings[1].positions)
 
 
 @pytest.mark.parametrize("header", ["t,x,y,note,,more,", "t,lat,lon,note,,more,"])
-def test_columns_without_a_name_beside_positions_are_no_objects(tmp_path, header):
-    path = tmp_path / "track.csv"
+def test_columns_without_a_name_beside_positions_are_no_objects(read, header):
     rows = (f"{k},{0.001 * k},{0.002 * k},1,2,3,4" for k in range(30))
-    path.write_text("\n".join([header, *rows]) + "\n")
 
-    assert len(read_recordings(path).recordings) == 1
+    assert len(read("\n".join([header, *rows, ""])).recordings) == 1
