@@ -38,6 +38,13 @@ ENVIRONMENTS: dict[str, dict[str, object]] = {
     "HybridTrackPublishedBank-v0": TYPES,
     "HybridTrackQuickest-v0": {},
     "HybridTrackQuickestBank-v0": {"radii": BANK_RADII},
+    # Bank and likelihood are those that earn most for the rule `steady`.
+    "HybridTrackQuickestRoad-v0": {
+        "process_variance": 0.01,
+        "likelihood": "student_t 8",
+        "object_variance": (1e-4, 3e-2),
+        "noise": "student_t 2",
+    },
 }
 """Registered ids and their options that differ from the defaults."""
 
@@ -54,6 +61,7 @@ def register_environments() -> None:
         "HybridTrackPublishedBank-v0": 4.80,
         "HybridTrackQuickest-v0": 485.0,
         "HybridTrackQuickestBank-v0": 285.0,
+        "HybridTrackQuickestRoad-v0": 415.0,
     }
     for env_id, options in ENVIRONMENTS.items():
         if env_id not in registry:

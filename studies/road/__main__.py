@@ -3,7 +3,7 @@
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import joblib
 import tyro
@@ -15,15 +15,18 @@ from studies.road import study
 
 @dataclass(kw_only=True)
 class Road:
-    """Evaluate rules with selected process noise and threshold, and agents, in HybridTrackRoad-v0.
+    """Evaluate rules with selected process noise and threshold, and agents, in HybridTrackRoad-v0
+    or HybridTrackQuickestRoad-v0.
 
     The default takes about half an hour on one core.
     """
 
     agents: Annotated[tuple[str, ...], tyro.conf.Positional] = ("robust", "shipped")
     """Agents: 'robust', 'shipped', run folders or models."""
-    rules: tuple[str, ...] = study.RULES
-    """Rules, whose process noise and threshold are selected."""
+    env: Literal["HybridTrackRoad-v0", "HybridTrackQuickestRoad-v0"] = "HybridTrackRoad-v0"
+    """Environment."""
+    rules: tuple[str, ...] | None = None
+    """Rules, whose process noise and threshold are selected; by default those of the table."""
     banks: bool = False
     """Select the bank instead."""
     worlds: bool = False
@@ -43,20 +46,24 @@ class Road:
         """Evaluate the deciders, print the table and write the files."""
         episodes, selection = (10, 10) if self.quick else (self.episodes, self.selection)
         if self.banks:
-            banks = study.select_bank(selection, self.jobs)
+            banks = study.select_bank(self.env, selection, self.jobs)
             save_results(self.out / "banks", study.bank_table(banks), banks)
             return
-        rules = ("at-once", "msprt-type") if self.quick else self.rules
+        rules = study.RULES[self.env] if self.rules is None else self.rules
+        if self.quick:
+            rules = rules[0], study.TOLD[self.env][0]
+        given = self.agents, rules, episodes, selection, self.jobs
         if self.worlds:
-            given = self.agents, rules, episodes, selection, self.jobs
             found = {
-                name: study.evaluate(*given, changes) for name, changes in study.WORLDS.items()
+                name: study.evaluate(study.ROAD, *given, changes)
+                for name, changes in study.WORLDS.items()
             }
             save_results(self.out / "worlds", study.world_table(found, self.agents), found)
             return
-        rows = study.evaluate(self.agents, rules, episodes, selection, self.jobs)
-        names = () if self.quick else study.TOLD
-        calls = [joblib.delayed(study.told)(name, episodes, selection) for name in names]
+        rows = study.evaluate(self.env, *given)
+        names = () if self.quick else study.TOLD[self.env]
+        told = joblib.delayed(study.told)
+        calls = [told(self.env, name, episodes, selection) for name in names]
         rewards = in_parallel(calls, self.jobs, "told")
         rows += [
             {"decider": f"{name}, told the motion", "reward": reward}

@@ -1,4 +1,5 @@
-"""Selection of the bank of HybridTrackRoad-v0, and deciders on the episodes of the report.
+"""Selection of the banks of the environments whose objects move otherwise than told, and deciders
+on the episodes of the report.
 
 Thresholds, process noise and the bank are selected on episodes whose seeds begin at `SELECTION`.
 Those of the report are smaller, and those of training larger.
@@ -19,16 +20,24 @@ from studies.pictures import draw_estimates
 from studies.results import in_brackets, in_parallel, markdown_table
 
 ROAD = "HybridTrackRoad-v0"
+UNKNOWN = "HybridTrackQuickestRoad-v0"
+"""The same with unknown switches."""
 # First seeds of selection, and of training, see `baselines.rules.seeds`.
 SELECTION = 1_000_000_000
 TRAINING = 10**12
 RADII = ((5.0,), (3.5, 7.0), (2.5, 5.0, 10.0), (2.5, 3.5, 5.0, 7.0, 10.0))
 # [m^2/s^2]
 PROCESS = (3e-3, 1e-2, 3e-2)
-LIKELIHOODS = ("gaussian", "student_t 50", "student_t 4")
+LIKELIHOODS = {
+    ROAD: ("gaussian", "student_t 50", "student_t 4"),
+    UNKNOWN: ("gaussian", "student_t 50", "student_t 8", "student_t 4"),
+}
 ALPHAS = (0.4, 0.3, 0.2, 0.15, 0.1, 0.05, 0.02, 5e-3)
 """Thresholds of error probabilities."""
-RULES = ("at-once", "ate", "sprt", "msprt", "msprt-type", "propagated", "propagated-robust")
+RULES = {
+    ROAD: ("at-once", "ate", "sprt", "msprt", "msprt-type", "propagated", "propagated-robust"),
+    UNKNOWN: ("threshold", "steady", "beam", "beam-geometric", "beam-default", "cusum"),
+}
 WORLDS: dict[str, dict[str, Any]] = {
     "object at 1 m/s": {"speed": 1.0, "initial_error": (0.3, 1.0)},
     "object at 4 m/s": {"speed": 4.0, "initial_error": (0.3, 16.0)},
@@ -37,52 +46,58 @@ WORLDS: dict[str, dict[str, Any]] = {
     "5 % outliers, 20 % missed": {"noise": "outliers 0.05", "missed": 0.2},
 }
 """Environments around that of the id, by what differs; no agent was trained in the last one."""
-TOLD = ("msprt-type", "shipped")
-"""Deciders that are told the motion of the episode, of which the best one is the reference."""
+TOLD = {ROAD: ("msprt-type", "shipped"), UNKNOWN: ("steady", "shipped")}
+"""The rule by which the bank is selected, and an agent, which are told the motion of the episode;
+the best one of them is the reference.
+"""
 LEVELS = 10
 """Number of process variances of the object for which deciders are told it."""
 
-# Name, options and threshold of a decider.
-Setting = tuple[str, dict[str, Any], float]
+# Environment, name, options and threshold of a decider.
+Setting = tuple[str, str, dict[str, Any], float]
 
 
-def few_thresholds(decider: Any) -> tuple[float, ...]:
+def thresholds_of(decider: Any) -> tuple[float, ...]:
     """Return the thresholds to select from; agents that learn when to stop keep their own."""
+    if decider.task == "unknown":
+        return tuple(decider.thresholds[::2])
     return ALPHAS if decider.symbol == "alpha" else (decider.default,)
 
 
 def selected(
-    name: str, candidates: Sequence[dict[str, Any]], episodes: int
+    env: str, name: str, candidates: Sequence[dict[str, Any]], episodes: int
 ) -> list[tuple[float, Setting]]:
     """Return the reward of a decider with each of several options, at the best threshold of the
     episodes of selection.
     """
     found = []
     for options in candidates:
-        task = task_of(ROAD, options)
+        task = task_of(env, options)
         decider = find_decider(name, task.options)
-        scores = sweep(task, decider, episodes, SELECTION, thresholds=few_thresholds(decider))
+        scores = sweep(task, decider, episodes, SELECTION, thresholds=thresholds_of(decider))
         best = task.best(scores)
         reward = scores.curve(task.statistic("reward"))[best]
-        found.append((float(reward), (name, options, scores.thresholds[best])))
+        found.append((float(reward), (env, name, options, scores.thresholds[best])))
     return found
 
 
-def select_bank(episodes: int, jobs: int) -> list[dict[str, Any]]:
-    """Return the reward of the MSPRT of types on every bank, the best first."""
+def select_bank(env: str, episodes: int, jobs: int) -> list[dict[str, Any]]:
+    """Return the reward of the first decider of `TOLD` on every bank, the best first."""
+    radii = RADII if env == ROAD else [task_of(env).options.radii]
     banks = [
-        {"radii": radii, "process_variance": variance, "likelihood": law}
-        for radii, variance, law in itertools.product(RADII, PROCESS, LIKELIHOODS)
+        {"radii": each, "process_variance": variance, "likelihood": law}
+        for each, variance, law in itertools.product(radii, PROCESS, LIKELIHOODS[env])
     ]
-    calls = [delayed(selected)("msprt-type", [bank], episodes) for bank in banks]
+    calls = [delayed(selected)(env, TOLD[env][0], [bank], episodes) for bank in banks]
     rows = [
         {**options, "threshold": threshold, "reward": reward}
-        for [(reward, (_, options, threshold))] in in_parallel(calls, jobs, "banks")
+        for [(reward, (*_, options, threshold))] in in_parallel(calls, jobs, "banks")
     ]
     return sorted(rows, key=lambda row: -row["reward"])
 
 
 def evaluate(
+    env: str,
     agents: Sequence[str],
     rules: Sequence[str],
     episodes: int,
@@ -97,12 +112,12 @@ def evaluate(
     Each row has the paired difference to the best rule.
     """
     banks = [{**(changes or {}), "process_variance": variance} for variance in PROCESS]
-    calls = [delayed(selected)(name, banks, selection) for name in rules]
+    calls = [delayed(selected)(env, name, banks, selection) for name in rules]
     for candidates in ([dict(changes or {})], banks)[: 1 if changes is None else 2]:
-        calls += [delayed(selected)(name, candidates, selection) for name in agents]
+        calls += [delayed(selected)(env, name, candidates, selection) for name in agents]
     settings = [max(found)[1] for found in in_parallel(calls, jobs, "selection")]
     made = in_parallel([delayed(scores_of)(each, episodes) for each in settings], jobs, "report")
-    goal = task_of(ROAD).statistic("reward")
+    goal = task_of(env).statistic("reward")
     best = max(made[: len(rules)], key=lambda scores: scores.curve(goal)[0])
     return [
         {
@@ -112,42 +127,43 @@ def evaluate(
             "reward": scores.estimate(goal, 0),
             "difference": scores.difference(best, goal, 0, 0),
         }
-        for (name, options, threshold), scores in zip(settings, made, strict=True)
+        for (_, name, options, threshold), scores in zip(settings, made, strict=True)
     ]
 
 
 def scores_of(setting: Setting, episodes: int) -> Scores:
     """Return the scores of a decider on the first episodes of the report."""
-    name, options, threshold = setting
-    task = task_of(ROAD, options)
+    env, name, options, threshold = setting
+    task = task_of(env, options)
     decider = find_decider(name, task.options)
     return sweep(task, decider, episodes, 0, thresholds=(threshold,))
 
 
-def told_tasks() -> list[Task]:
-    """Return tasks in which deciders are told the process noise, the radii and the velocity of the
-    object: one for each of several process variances, which are drawn elsewhere.
+def told_tasks(env: str) -> list[Task]:
+    """Return tasks in which deciders are told the process noise, and with announced switches the
+    radii and the velocity of the object: one for each of several process variances, which are drawn
+    elsewhere.
     """
-    options = task_of(ROAD).options
+    options = task_of(env).options
     smallest, largest = options.object_variances
     shares = (np.arange(LEVELS) + 0.5) / LEVELS
     variances = (smallest * (largest / smallest) ** shares).tolist()
-    known = {
-        "radii": options.scheme.radii,
-        "initial_error": task_of("HybridTrack-v0").options.initial_error,
-    }
+    known = {}
+    if env == ROAD:
+        known["radii"] = options.scheme.radii
+        known["initial_error"] = task_of("HybridTrack-v0").options.initial_error
     return [
-        task_of(ROAD, {"object_variance": each, "process_variance": each, **known})
+        task_of(env, {"object_variance": each, "process_variance": each, **known})
         for each in variances
     ]
 
 
-def told(name: str, episodes: int, selection: int) -> Estimate:
+def told(env: str, name: str, episodes: int, selection: int) -> Estimate:
     """Return the reward of a decider that is told the motion, at the threshold of selection."""
-    tasks = told_tasks()
+    tasks = told_tasks(env)
     deciders = [find_decider(name, task.options) for task in tasks]
     goal = tasks[0].statistic("reward")
-    thresholds = few_thresholds(deciders[0])
+    thresholds = thresholds_of(deciders[0])
 
     def each_scores(count: int, seed: int, tried: Sequence[float]) -> list[Scores]:
         each = -(-count // LEVELS)
@@ -215,6 +231,6 @@ def figure(rows: Sequence[dict[str, Any]]) -> Figure:
     places = np.arange(len(rows))[::-1]
     draw_estimates(axes, places, [row["reward"] for row in rows], horizontal=True, fmt="o")
     axes.set_yticks(places, [row["decider"] for row in rows])
-    axes.set_xlabel("reward of a segment, with its 95 % interval")
+    axes.set_xlabel("reward of a segment or tick, with its 95 % interval")
     axes.grid(axis="x", alpha=0.3)
     return picture

@@ -16,9 +16,9 @@ def test_selection_training_and_report_have_no_episode_in_common(monkeypatch):
 
     monkeypatch.setattr(study, "sweep", seeds)
     monkeypatch.setattr(study, "LEVELS", 2)
-    study.selected("msprt-type", [{}], 1000)
-    study.scores_of(("at-once", {}, 1.0), 100_000)
-    study.told("at-once", 100_000, 1000)
+    study.selected(study.ROAD, "msprt-type", [{}], 1000)
+    study.scores_of((study.ROAD, "at-once", {}, 1.0), 100_000)
+    study.told(study.ROAD, "at-once", 100_000, 1000)
     selection, report, *told = used
 
     assert report[1] <= selection[0] < selection[1] <= study.TRAINING
@@ -27,17 +27,19 @@ def test_selection_training_and_report_have_no_episode_in_common(monkeypatch):
         assert begin <= first < last <= end
 
 
-def test_the_bank_of_the_id_is_among_those_to_select_from():
-    options = task_of(study.ROAD).options
+@pytest.mark.parametrize("env", [study.ROAD, study.UNKNOWN])
+def test_the_bank_of_the_id_is_among_those_to_select_from(env):
+    options = task_of(env).options
 
-    assert options.radii in study.RADII
+    assert env == study.UNKNOWN or options.radii in study.RADII
     assert options.process_variance in study.PROCESS
-    assert str(options.likelihood) in study.LIKELIHOODS
+    assert str(options.likelihood) in study.LIKELIHOODS[env]
 
 
-def test_deciders_that_are_told_read_the_process_noise_of_the_object():
-    tasks = [task.options for task in study.told_tasks()]
-    drawn = task_of(study.ROAD).options
+@pytest.mark.parametrize("env", [study.ROAD, study.UNKNOWN])
+def test_deciders_that_are_told_read_the_process_noise_of_the_object(env):
+    tasks = [task.options for task in study.told_tasks(env)]
+    drawn = task_of(env).options
 
     variances = [options.object_variance for options in tasks]
     assert variances == [options.process_variance for options in tasks] == sorted(variances)
@@ -48,9 +50,9 @@ def test_deciders_that_are_told_read_the_process_noise_of_the_object():
 
 def test_a_rule_with_selected_options_is_the_best_of_them_in_selection():
     banks = [{"process_variance": variance} for variance in (0.001, 0.01)]
-    rewards, settings = zip(*study.selected("msprt-type", banks, 20), strict=True)
+    rewards, settings = zip(*study.selected(study.ROAD, "msprt-type", banks, 20), strict=True)
     task = task_of(study.ROAD, banks[1])
-    decider = find_decider("msprt-type", task.options).at(settings[1][2])
+    decider = find_decider("msprt-type", task.options).at(settings[1][-1])
     scores = sweep(task, decider, 20, study.SELECTION, thresholds=(decider.threshold,))
 
     assert rewards[1] == scores.curve(task.statistic("reward"))[0]
@@ -77,8 +79,12 @@ def test_environments_around_the_id_have_a_table(quick_study):
         assert printed.count(f"| {name} | ") == 1
 
 
-def test_the_quick_form_compares_agents_and_rules(quick_study):
-    _, rows = quick_study("road")
+@pytest.mark.parametrize(
+    ("env", "rules"),
+    [(study.ROAD, ["at-once", "msprt-type"]), (study.UNKNOWN, ["threshold", "steady"])],
+)
+def test_the_quick_form_compares_agents_and_rules(env, rules, quick_study):
+    _, rows = quick_study("road", "robust", "--env", env)
 
-    assert [row["decider"] for row in rows] == ["at-once", "msprt-type", "robust", "shipped"]
+    assert [row["decider"] for row in rows] == [*rules, "robust"]
     assert max(row["difference"]["value"] for row in rows[:2]) == 0.0

@@ -113,6 +113,11 @@ QUICKEST_DIGESTS = [
         "2023cc5ca5a724d1bf855a71f8187b9b4eb5541a98673d2fc5917bd1c6214ae4",
         id="other options",
     ),
+    pytest.param(
+        ENVIRONMENTS["HybridTrackQuickestRoad-v0"],
+        "eec56c238b7381a67840f460bf0761a45049bcba676a21e4cd35debd9d586726",
+        id="drawn process noise",
+    ),
 ]
 
 
