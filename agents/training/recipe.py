@@ -2,10 +2,9 @@
 recipe.
 
 A file has one entry per environment id, or `default` for any id, before which `modes` is for modes
-of the user. An entry names the algorithm
-(`algo`), the number of steps (`n_timesteps`) and the hyper-parameters by their names in the
-algorithm. `lin_6e-3` is a learning rate that decays linearly. Unlike in the zoo, no value is
-evaluated as Python.
+of the user. An entry names the algorithm (`algo`), the number of steps (`n_timesteps`) and the
+hyper-parameters by their names in the algorithm; or it is the id whose entry is used. `lin_6e-3` is
+a learning rate that decays linearly. Unlike in the zoo, no value is evaluated as Python.
 """
 
 import json
@@ -77,6 +76,7 @@ def load_recipe(
     if isinstance(entries, dict):
         names = [short, *["modes"] * own_modes, "default"]
         entry = next((entries[name] for name in names if name in entries), None)
+        entry = entries.get(entry) if isinstance(entry, str) else entry
     if not isinstance(entry, dict):
         raise reject("recipe", name, f"a YAML file with an entry for {short} or default")
     entry = dict(entry)
