@@ -222,6 +222,11 @@ class ModelOptions(Checked):
         return flown if isinstance(flown, tuple) else (flown, flown)
 
     @property
+    def freedom(self) -> float:
+        """Degrees of freedom of the errors that filters assume; 0 is normal ones."""
+        return self.likelihood.freedom if isinstance(self.likelihood, StudentNoise) else 0.0
+
+    @property
     def start_variances(self) -> FloatArray:
         """Variances of the first estimate [x, vx, y, vy], (4,) [m^2, m^2/s^2]."""
         assert isinstance(self.initial_error, tuple)
@@ -261,7 +266,6 @@ class ModelOptions(Checked):
         }
         position, velocity = self.initial_error
         smallest, largest = self.object_variances
-        freedom = self.likelihood.freedom if isinstance(self.likelihood, StudentNoise) else 0.0
         return {
             **plain,
             **self.noise.parameters(),
@@ -285,6 +289,6 @@ class ModelOptions(Checked):
             "axes": self.variances.size,
             "table_rows": len(self.table),
             "sensor_count": len(self.sensors),
-            "freedom": freedom,
+            "freedom": self.freedom,
             "irregular": self.missed > 0.0 or bool(self.sensors),
         }

@@ -95,6 +95,7 @@ class HybridTrackQuickestEnv(TrackEnv):
     |---|---|---|
     | HybridTrackQuickest-v0 | S, L5, R5 | 0.1 s, 2 m/s, Q 0.001, R 0.1, 600 ticks |
     | HybridTrackQuickestBank-v0 | S, L1 .. L10, R1 .. R10 | the same; the radius counts too |
+    | HybridTrackQuickestRoad-v0 | S, L5, R5 | the object moves otherwise than the bank is told |
 
     ## References
     Golubkov, Tsyganov and Tsyganova 2018 (model); Blom and Bar-Shalom 1988 (bank); Page 1954 and

@@ -25,7 +25,6 @@ from hybrid_env.checks import (
 )
 from hybrid_env.compiled import compiled, run_compiled
 from hybrid_env.live import TRIANGLE
-from hybrid_env.noises import StudentNoise
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.sensors import velocity_variance_of
 
@@ -222,14 +221,7 @@ def beam_of(
     if branches is None:
         branches = max(64, 8 * options.hypotheses)
     decider = BeamDecider(replace(options, process_variance=process_variance), branches=branches)
-    filters = decider.model.filters._replace(freedom=_freedom(options))
-    return decider.branches, decider.model._replace(filters=filters)
-
-
-def _freedom(options: QuickestOptions) -> float:
-    """Return the degrees of freedom of Student's t errors; 0 is normal ones."""
-    likelihood = options.likelihood
-    return float(likelihood.freedom) if isinstance(likelihood, StudentNoise) else 0.0
+    return decider.branches, decider.model
 
 
 def with_velocities(
@@ -257,7 +249,7 @@ def smoother_of(
         options.process_variance,
         options.speed,
         options.drift_variance,
-        _freedom(options),
+        options.freedom,
     )
 
 
