@@ -4,7 +4,6 @@ form.
 
 import numpy as np
 from matrix_filters import (
-    FREEDOM,
     LiteralImm,
     MatrixExtendedKalmanFilter,
     MatrixFilter,
@@ -132,11 +131,12 @@ def filter_of_mode(options, mode, anchor, P, exact=False):
     if isinstance(motion, (Stop, Accelerate)):
         F, B, _ = motion.matrices(options.tau)
         noise = np.kron(np.eye(2), np.diag([0.0, Q, 0.0][: len(F) // 2]))
-        kalman = LinearFilter(anchor, P, (F, B, noise, motion.starting_acceleration), exact=True)
+        given = F, B, noise, motion.starting_acceleration
+        kalman = LinearFilter(anchor, P, given, exact=True, freedom=options.freedom)
         kalman.R = R
         return kalman
     kind = MatrixKalmanFilter if exact else MatrixExtendedKalmanFilter
-    return kind(anchor, P, motion.signed_radius, options.tau, Q, R)
+    return kind(anchor, P, motion.signed_radius, options.tau, Q, R, options.freedom)
 
 
 def filters_of_modes(env, i, matrices):
@@ -152,7 +152,7 @@ def filters_of_modes(env, i, matrices):
     # Which filters each axis by itself.
     if options.bank_class is PublishedBank:
         P = P * np.kron(np.eye(2), np.ones((2, 2)))
-    freedom = FREEDOM * (str(options.likelihood) != "gaussian")
+    freedom = options.freedom
     filters = []
     for mode, given in matrices.items():
         turn = (mode.signed_radius, options.tau, options.process_variance, None, freedom)

@@ -4,6 +4,7 @@ import copy
 
 import numpy as np
 import pytest
+from matrix_filters import FREEDOM
 from own_modes import filter_of_mode
 
 from baselines.rules.beam import BeamDecider
@@ -15,15 +16,15 @@ TRIANGLE = np.triu_indices(4)
 
 
 @pytest.mark.parametrize(
-    ("text", "modes"),
+    ("text", "modes", "likelihood"),
     [
-        ("uniform 4-7", None),
-        ("3 + geometric 2", None),
-        ("uniform 4-7", "straight, stop"),
-        ("uniform 4-7", "straight, left 1.5, right 1.5, stop"),
+        ("uniform 4-7", None, "gaussian"),
+        ("3 + geometric 2", None, f"student_t {FREEDOM}"),
+        ("uniform 4-7", "straight, stop", "gaussian"),
+        ("uniform 4-7", "straight, left 1.5, right 1.5, stop", f"student_t {FREEDOM}"),
     ],
 )
-def test_without_pruning_the_beam_is_the_filter_of_all_modes_and_ages(text, modes):
+def test_without_pruning_the_beam_is_the_filter_of_all_modes_and_ages(text, modes, likelihood):
     options = QuickestOptions(
         durations=text,
         measurement_variance=(0.01, 0.02),
@@ -31,6 +32,7 @@ def test_without_pruning_the_beam_is_the_filter_of_all_modes_and_ages(text, mode
         ticks=40,
         radii=(1.5,),
         modes=modes,
+        likelihood=likelihood,
         start="random",
     )
     M = options.hypotheses
