@@ -71,9 +71,12 @@ def _parse(command: Any, program: str, arguments: Sequence[str]) -> Any:
     """Return a command with the flags of its command line; raise `ArgumentError` for a flag that
     does not exist.
     """
-    known = ["--help"]
+    known, values = ["--help"], []
     for field in dataclasses.fields(command):
         name = field.name.replace("_", "-")
+        if tyro.conf.Positional in getattr(field.type, "__metadata__", ()):
+            values.append(name)
+            continue
         known += [f"--{name}", f"--no-{name}"] if isinstance(field.default, bool) else [f"--{name}"]
     errors = io.StringIO()
     try:
@@ -84,6 +87,9 @@ def _parse(command: Any, program: str, arguments: Sequence[str]) -> Any:
             raise
         message = one_line(errors.getvalue())
         flag = re.match(r"Unrecognized options: (--[\w-]+)", message)
+        if flag and flag[1].strip("-s") in [name.strip("s") for name in values]:
+            words = "its values stand without a flag"
+            raise ArgumentError(f"flag={flag[1]!r} does not exist: {words}") from None
         if flag:
             raise unknown("flag", flag[1], known, f"see {program} --help") from None
         raise ArgumentError(message) from None

@@ -165,7 +165,7 @@ class LiveTracks(OwnState):
 
     def probabilities(self) -> FloatArray:
         """Return the probabilities of the modes, (M,)."""
-        values = self.world.hypothesis_values()[0]
+        values = self.world.bank.hypotheses[self.options.hypothesis_field][0, :, 0]
         if not self.announced:
             return np.exp(values)
         weights = np.exp(values - values.max())

@@ -81,18 +81,33 @@ class FilterMemory(NamedTuple):
 
 
 @internal
-def _carried(A: FloatArray, P: FloatArray) -> FloatArray:
-    """Return A P A' of matrices (7, 7). Products of so few numbers take less time than calls of a
+def _times(left: FloatArray, right: FloatArray) -> FloatArray:
+    """Return the product of two matrices. Products of so few numbers take less time than calls of a
     library for matrices.
     """
-    turned = A.T.copy()
+    product = np.empty((left.shape[0], right.shape[1]))
+    for i in range(left.shape[0]):
+        for j in range(right.shape[1]):
+            total = 0.0
+            for k in range(left.shape[1]):
+                total += left[i, k] * right[k, j]
+            product[i, j] = total
+    return product
+
+
+@internal
+def _carried(A: FloatArray, P: FloatArray) -> FloatArray:
+    """Return A P A' of matrices (7, 7), P symmetric; most steps A have many zeros."""
     half = np.zeros((STATES, STATES))
     whole = np.zeros((STATES, STATES))
-    for left, right, product in ((P, turned, half), (A, half, whole)):
+    turned = np.empty((STATES, STATES))
+    for right, product in ((P, half), (turned, whole)):
         for i in range(STATES):
             for k in range(STATES):
-                for j in range(STATES):
-                    product[i, j] += left[i, k] * right[k, j]
+                if A[i, k] != 0.0:
+                    for j in range(STATES):
+                        product[i, j] += A[i, k] * right[k, j]
+        turned[:] = half.T
     return whole
 
 
@@ -210,14 +225,20 @@ def _correct(
             inverse[:] = np.linalg.inv(S)
         distance = float(error @ (inverse @ error))
         weight = min((freedom + count) / (freedom + distance), 1.0)
-    gain[:] = np.ascontiguousarray(P[:, : len(measurement)]) @ inverse
-    P = P - gain @ P[: len(measurement)]
+    gain[:] = _times(P[:, : len(measurement)], inverse)
+    corrected = np.empty((STATES, STATES))
+    for i in range(STATES):
+        for j in range(i, STATES):
+            left = P[i, j]
+            for k in range(len(measurement)):
+                left -= gain[i, k] * P[k, j]
+            # Rounding errors that are not symmetric would grow.
+            corrected[i, j] = corrected[j, i] = left
     log_likelihood = -0.5 * (distance + math.log(determinant))
     if told and stands:
         square = measurement[2] ** 2 + measurement[3] ** 2
         log_likelihood -= 0.5 * square / noise[-1] + math.log(noise[-1])
-    # Rounding errors that are not symmetric would grow.
-    return x + gain @ error, 0.5 * (P + P.T), gain, error, log_likelihood
+    return x + gain @ error, corrected, gain, error, log_likelihood
 
 
 @compiled
@@ -367,7 +388,7 @@ def _smoothed(
     """Write state and covariance of tick k of a block, given its later ticks too."""
     P = memory.covariances[k + 1]
     means[k] = memory.states[k + 1] - P @ adjoint
-    covariances[k] = P - P @ information @ P
+    covariances[k] = P - _carried(P, information)
 
 
 @internal
@@ -377,9 +398,10 @@ def _go_back(memory: FilterMemory, k: int, adjoint: FloatArray, information: Flo
     step = memory.steps[k]
     seen = step[: len(inverse)]
     # The step, and what the correction by the measurement leaves of it.
-    left = (step - memory.gains[k] @ seen).T.copy()
-    adjoint[:] = left @ adjoint - seen.T @ (inverse @ memory.errors[k])
-    information[:] = _carried(left, information) + seen.T @ inverse @ seen
+    left = (step - _times(memory.gains[k], seen)).T.copy()
+    weighted = _times(inverse, seen)
+    adjoint[:] = left @ adjoint - memory.errors[k] @ weighted
+    information[:] = _carried(left, information) + _times(seen.T, weighted)
 
 
 @compiled

@@ -144,6 +144,17 @@ class PieceSmoother:
         """Let the next block begin with these."""
         self.memory.states[0], self.memory.covariances[0] = state, covariance
 
+    def _rates(self, pieces: IntArray) -> FloatArray:
+        """Return turn rates (K,) of pieces (K, 3): what was smoothed last where the middle of a
+        piece had the same mode, else those of the modes at the usual speed.
+        """
+        rates = _curvatures(self.motions[pieces[:, 2]]) * self.speed
+        if len(self.pieces) == 0:
+            return rates
+        middles = pieces[:, :2].sum(1) // 2
+        last = np.searchsorted(self.pieces[:, 0], middles, side="right") - 1
+        return np.where(self.pieces[last, 2] == pieces[:, 2], self.rates[last], rates)
+
     def smooth(
         self, pieces: IntArray, gradual: IntArray | None = None, rounds: int = 2
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -156,22 +167,22 @@ class PieceSmoother:
             rounds: number of times that the turn rates are found anew.
         """
         ticks = len(self.measurements)
-        of_pieces = self.motions[pieces[:, 2]]
+        of_pieces, rates = self.motions[pieces[:, 2]], self._rates(pieces)
         if gradual is not None:
             split = (gradual > 0) & (np.diff(pieces[:, :2])[:, 0] > gradual)
             numbers = np.repeat(np.arange(len(pieces)), 1 + split)
             second = np.diff(numbers, prepend=-1) == 0
             first = split[numbers] & ~second
-            begun = _gradual(of_pieces)[numbers[first]]
-            pieces, of_pieces, gradual = pieces[numbers], of_pieces[numbers], gradual[numbers]
-            of_pieces[first] = begun
+            begun, begun_rates = _gradual(of_pieces, rates)
+            pieces, gradual = pieces[numbers], gradual[numbers]
+            of_pieces, rates = of_pieces[numbers], rates[numbers]
+            of_pieces[first], rates[first] = begun[numbers[first]], begun_rates[numbers[first]]
             pieces[second, 0] += gradual[second]
             pieces[first, 1] = pieces[first, 0] + gradual[first]
         memory = self.memory
         means, spreads = np.empty((PIECE_TICKS, STATES)), np.empty((PIECE_TICKS, STATES, STATES))
         results = np.empty((ticks, 4)), np.empty((ticks, 4, 4)), np.empty((ticks, 4))
-        self.pieces = pieces
-        self.rates = _curvatures(of_pieces) * self.speed
+        self.pieces, self.rates = pieces, rates
         for _ in range(rounds):
             segments = self._segments(pieces, of_pieces, self.rates)
             self._anchor(*self.begin())
@@ -248,18 +259,19 @@ class PieceSmoother:
         misfit = np.median(np.concatenate(distances)[measured]) / expected
         return states, covariances, float(misfit)
 
-    def compare_modes(self, numbers: IntArray) -> FloatArray:
-        """Return log-likelihoods of what is measured in some of the pieces that were smoothed last,
-        if they had other modes, (n, M): of the first `10 REACH` ticks of each.
+    def compare_modes(self, pieces: IntArray, numbers: IntArray) -> FloatArray:
+        """Return log-likelihoods of what is measured in some pieces if they had other modes, (n,
+        M): of the first `10 REACH` ticks of each.
 
         Args:
-            numbers: (n,) of the pieces.
+            pieces: (K, 3) of the track.
+            numbers: (n,) of those that are compared.
         """
-        pieces = self.pieces[numbers]
-        segments = self._segments(self.pieces, self.motions[self.pieces[:, 2]], self.rates)
-        states, covariances, _ = self._filtered(pieces[:, 0], segments)
-        compared = np.zeros((len(pieces), len(self.motions)))
-        arguments = self.measurements, self.noises, pieces, self._modes, self.speed, self.freedom
+        segments = self._segments(pieces, self.motions[pieces[:, 2]], self._rates(pieces))
+        some = pieces[numbers]
+        states, covariances, _ = self._filtered(some[:, 0], segments)
+        compared = np.zeros((len(some), len(self.motions)))
+        arguments = self.measurements, self.noises, some, self._modes, self.speed, self.freedom
         run_compiled(compare_modes, *arguments, states, covariances, compared)
         return compared
 
@@ -279,8 +291,8 @@ class PieceSmoother:
         with np.errstate(divide="ignore", invalid="ignore"):
             factors = self.radii / np.abs(of_pieces["signed_radius"])
         of_pieces["signed_radius"] *= np.where(factors > 0.0, factors.clip(0.5, 2.0), 1.0)
-        begun = _gradual(of_pieces)
-        rates = np.append(self.rates, _curvatures(begun) * self.speed)
+        begun, begun_rates = _gradual(of_pieces, self.rates)
+        rates = np.append(self.rates, begun_rates)
         segments = self._segments(pieces, np.concatenate([of_pieces, begun]), rates)
         # Relative deviation of the curvature of a turn from what was smoothed.
         segments = segments._replace(spread=0.2)
@@ -303,15 +315,18 @@ def _curvatures(of_pieces: AnyArray) -> FloatArray:
     return np.divide(1.0, radii, out=np.zeros(len(radii)), where=radii != 0.0)
 
 
-def _gradual(of_pieces: AnyArray) -> AnyArray:
-    """Return records `MOTION` of pieces whose curvature is the mean of that before and their own,
-    the same ones at the begin of a track, and of and after linear modes.
+def _gradual(of_pieces: AnyArray, rates: FloatArray) -> tuple[AnyArray, FloatArray]:
+    """Return records `MOTION` and turn rates (K,) of pieces whose curvature is the mean of that
+    before and their own, the same ones at the begin of a track, and of and after linear modes.
     """
     begun = of_pieces.copy()
-    curvatures = _curvatures(of_pieces)
     linear = of_pieces["linear"]
     turns = np.append(False, ~(linear[1:] | linear[:-1]))
-    means = 0.5 * (curvatures + np.append(0.0, curvatures[:-1]))
+
+    def mean(values: FloatArray) -> FloatArray:
+        return np.where(turns, 0.5 * (values + np.append(0.0, values[:-1])), values)
+
+    means = mean(_curvatures(of_pieces))
     radii = np.divide(1.0, means, out=np.zeros(len(means)), where=means != 0.0)
     begun["signed_radius"][turns] = radii[turns]
-    return begun
+    return begun, mean(rates)

@@ -8,8 +8,8 @@ a line for each piece. The rates are those of the continuous line with these cor
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike
-from scipy.ndimage import median_filter
 from scipy.sparse import csr_array
 
 from hybrid_env.checks import BoolArray, FloatArray, IntArray
@@ -84,7 +84,8 @@ def _far(z: FloatArray) -> BoolArray:
     """Return which altitudes (n,) are errors, far from those around: numbers for no altitude."""
     if len(z) < SHORTEST:
         return np.zeros(len(z), np.bool_)
-    apart = np.abs(z - median_filter(z, 5, mode="nearest"))
+    around = sliding_window_view(np.pad(z, 2, "edge"), 5)
+    apart = np.abs(z - np.median(around, axis=1))
     low, usual, high = np.quantile(z, 0.05), np.quantile(apart, 0.9), np.quantile(z, 0.95)
     return np.asarray(apart > 10.0 * usual + 0.05 * (high - low))
 

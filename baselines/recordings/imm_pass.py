@@ -306,13 +306,13 @@ class TrackModel:
         )
 
     def run(
-        self, grid: TickGrid, lengths: Sequence[int], longest: int
+        self, grid: TickGrid, lengths: Sequence[int], longest: int, most: float = math.inf
     ) -> tuple[Pass, list[tuple[int, int, int]]]:
-        """Run the bank over a recording, see `grid_chunks`; innovations are in standard deviations,
-        and the likelihood is in units of the recording.
+        """Run the bank over a recording, or the part of it that `grid_chunks` chooses; innovations
+        are in standard deviations, and the likelihood is in units of the recording.
         """
         deviation = math.sqrt(self.measurement_variance)
-        chunks, places = grid_chunks(grid, deviation, lengths, longest)
+        chunks, places = grid_chunks(grid, deviation, lengths, longest, most)
         model = replace(
             self,
             radii=tuple(radius / deviation for radius in self.radii),

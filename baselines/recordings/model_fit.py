@@ -352,9 +352,11 @@ def _with_stopping(grid: TickGrid, model: TrackModel) -> TrackModel:
     """Return a model with a stop that also knows how the object slows down to it, if that explains
     the recording better.
     """
+    # Ticks of a long recording that tell it well enough.
+    most = 200_000
 
     def likelihood(modes: tuple[Mode, ...]) -> float:
-        return replace(model, modes=modes).run(grid, (), 2048)[0].log_likelihood
+        return replace(model, modes=modes).run(grid, (), 2048, most)[0].log_likelihood
 
     # A time within a factor of two is good enough.
     times = [model.tau * ticks for ticks in (1.5, 4.5, 13.5, 40.5)]

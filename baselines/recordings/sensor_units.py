@@ -69,7 +69,7 @@ class SensorUnits:
         if isinstance(measurement, dict):
             scaled = {k: self._of_sensor(k, values) for k, values in measurement.items()}
             return fuse(self.sensors, scaled)
-        pair = isinstance(measurement, tuple) and len(measurement) == 2
+        pair = isinstance(measurement, (tuple, list)) and len(measurement) == 2
         x, y = measurement if pair else check_array("measurement", measurement, (2,), missing=True)
         if x is None or y is None:
             return None

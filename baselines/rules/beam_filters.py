@@ -495,6 +495,9 @@ def walk_branches(
         kept = min(order.size, capacity)
         # The most probable branch has the smallest weight.
         smallest = weights[order[:kept]].min()
+        # Far less probable ones are left out; one that explains less for a while may be right.
+        while not model.joined and weights[order[kept - 1]] - smallest > 150.0:
+            kept -= 1
         total = 0.0
         for k in range(kept):
             total += math.exp(smallest - weights[order[k]])

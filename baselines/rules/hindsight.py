@@ -177,11 +177,10 @@ def _find_pieces(
         # Below this share of its usual speed it stands, also while it brakes.
         worth[speeds < 0.3 * options.speed] = stands
         pieces = runs_of(choose_modes(worth, weights))
-        smoother.smooth(pieces, rounds=1)
         # The beam does not tell turns from each other that begin in an unknown direction.
         linear = options.motions["linear"]
         after = np.flatnonzero(stands[pieces[:-1, 2]] & ~linear[pieces[1:, 2]]) + 1
-        compared = np.where(linear, -np.inf, smoother.compare_modes(after))
+        compared = np.where(linear, -np.inf, smoother.compare_modes(pieces, after))
         pieces[after, 2] = compared.argmax(1)
         pieces = runs_of(modes_of(pieces))
         smoothed = smoother.smooth(pieces)

@@ -69,8 +69,7 @@ class SteadyDecider(ThresholdDecider):
         leader = best
         if self._types is not None:
             best, largest, leader = self._of_types(self._types, probability, stated)
-        start = leader, np.zeros_like(best), np.full_like(best, self.lasting)
-        led, leads, lasts = state or start
+        led, leads, lasts = state or (leader, np.zeros_like(best), np.full_like(best, self.lasting))
         leads = np.where(started & (led == leader), leads + 1, 1)
         leads *= largest > 0.5
         likely = (largest >= self.threshold) | (leads >= self.leading)

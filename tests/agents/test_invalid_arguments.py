@@ -17,6 +17,7 @@ INVALID_ARGUMENTS = [
     ("compare aet shipped", "decider='aet' does not exist: did you mean 'ate'?"),
     ("compare msprt:0.1", "without a threshold"),
     ("evaluate shipped2", "did you mean 'shipped'?"),
+    ("compare --decider ate", "flag='--decider' does not exist: its values stand without a flag"),
     ("evaluate xyz", "decider='xyz' does not exist: expected a rule"),
     ("evaluate beam", "a decider for announced switches, not unknown ones"),
     ("evaluate ate:abc", "expected after the colon a number, 'auto', or a rate such as '2%'"),
