@@ -313,7 +313,7 @@ class OnlineTracker(OwnState):
                 missing and the decider cannot do without it.
         """
         given: Any = measurement
-        pair = isinstance(given, tuple) and len(given) == 2
+        pair = isinstance(given, (tuple, list)) and len(given) == 2
         if not (pair or isinstance(given, Fused)) and as_array(given).shape == (3,):
             *place, height = check_array("measurement", given, (3,), missing=True).tolist()
             known = self.update(tuple(place), time, velocity)
@@ -352,28 +352,28 @@ class OnlineTracker(OwnState):
         """
         options, scales = self.options, self.units.scales
         tau, variance = options.tau, options.height_variance
-        speed = math.sqrt(variance) / tau
+        rate_variance = variance / tau**2
         if self._heights is None:
             # Both move y alike.
             F = np.diag([1.0, 0.0, 1.0, 1.0])
             F[2, 3] = tau
-            Q = np.diag([1e-3 * variance, speed**2, 0.0, options.climb_variance])
+            Q = np.diag([1e-3 * variance, rate_variance, 0.0, options.climb_variance])
             vertical = QuickestOptions(
                 modes=(LinearMode(F, np.zeros(4), Q, "stop"), Straight()),
-                speed=speed,
                 tau=tau,
                 process_variance=options.climb_variance,
                 measurement_variance=variance,
             )
-            decider = ThresholdDecider()
-            self._heights = OnlineTracker(vertical, decider, self.gate, self.gap, scales=scales)
+            given = vertical, ThresholdDecider(), self.gate, self.gap
+            self._heights = OnlineTracker(*given, scales=scales)
         known = self._heights.update((height, 0.0), time)
         estimate, covariance = known.estimate[:2], known.covariance[:2, :2]
         probabilities, side = np.zeros(3), 1 if estimate[1] > 0.0 else 2
         probabilities[[0, side]] = known.probabilities
         if self._heights.begun:
             # The rate of a level height is 0.
-            covariance[1, 1] -= min(probabilities[0] * (speed / scales[1]) ** 2, covariance[1, 1])
+            level = probabilities[0] * rate_variance / scales[1] ** 2
+            covariance[1, 1] = max(covariance[1, 1] - level, 0.0)
         return HeightEstimate(known.mode * side, probabilities, estimate, covariance, known.status)
 
     def _at_time(self, point: Fused | None, time: float) -> OnlineEstimate:
