@@ -209,6 +209,7 @@ class TrackedRecording:
             "drift_variance": float(model.drift_variance),
             "velocity_variance": float(model.velocity_variance),
             "stopping_time": float(model.stopping_time),
+            "height_variance": 0.0 if self.vertical is None else self.vertical.variance,
             "radii": [float(radius) for radius in model.radii],
             "modes": [mode.as_json() for mode in model.modes],
             "duration": float(model.duration),

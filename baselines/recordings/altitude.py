@@ -31,6 +31,8 @@ class VerticalMotion(NamedTuple):
     pieces: IntArray
     # (K, 3) rate of each, its standard deviation, and the least rate that is told from 0.
     of_pieces: FloatArray
+    # Of the errors of the altitudes, the largest of all parts.
+    variance: float
 
     def words(self) -> list[str]:
         """Return what each piece is: climb, descend, or level where its rate may be 0 or is a
@@ -50,7 +52,7 @@ def vertical_motion(times: FloatArray, altitudes: FloatArray, parts: ArrayLike) 
         altitudes: (n,) measured, NaN where there is none.
         parts: (P, 2) first row and end of the parts between gaps.
     """
-    rows = np.full((3, len(times)), np.nan)
+    rows, largest = np.full((3, len(times)), np.nan), 0.0
     pieces, of_pieces = [np.empty((0, 2), int)], [np.empty((0, 3))]
     for first, end in np.asarray(parts).tolist():
         known = first + np.flatnonzero(np.isfinite(altitudes[first:end]))
@@ -61,6 +63,7 @@ def vertical_motion(times: FloatArray, altitudes: FloatArray, parts: ArrayLike) 
         t = (times[known] - times[known[0]]) / (times[known[-1]] - times[known[0]])
         z = altitudes[known] - altitudes[known[0]]
         corners, values, deviations, scatter = _fitted_line(t, z)
+        largest = max(largest, scatter)
         length = times[known[-1]] - times[known[0]]
         borders = np.append(known[np.searchsorted(t, corners[:-1])], known[-1] + 1)
         widths = np.diff(corners) * length
@@ -73,9 +76,8 @@ def vertical_motion(times: FloatArray, altitudes: FloatArray, parts: ArrayLike) 
         pieces.append(np.column_stack([borders[:-1], borders[1:]]))
         least = np.maximum(3.0 * deviations, 3.0 * scatter / widths)
         of_pieces.append(np.column_stack([rates, deviations, least]))
-    return VerticalMotion(
-        rows[0], rows[1], rows[2], np.concatenate(pieces), np.concatenate(of_pieces)
-    )
+    joined = np.concatenate(pieces), np.concatenate(of_pieces)
+    return VerticalMotion(rows[0], rows[1], rows[2], *joined, largest**2)
 
 
 def _far(z: FloatArray) -> BoolArray:

@@ -1,6 +1,6 @@
 """What was found on a recording, for a tracker on a live sensor."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -63,6 +63,8 @@ class TrackerSettings(Checked):
     velocity_variance: FoundOrZero = 0.0
     # In which the speed falls by a factor of e before a stop; 0 if that is not known.
     stopping_time: FoundOrZero = 0.0
+    # Of measured heights; 0 is that of positions.
+    height_variance: FoundOrZero = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -88,7 +90,10 @@ class TrackerSettings(Checked):
     @property
     def options(self) -> QuickestOptions:
         """The model in the units of an environment."""
-        return self.model.live.unknown_switches(self.durations, self.ticks, self.radar)
+        options = self.model.live.unknown_switches(self.durations, self.ticks, self.radar)
+        variance = self.height_variance * self.model.scales.item(0) ** 2 or options.height_variance
+        # As in the default options.
+        return replace(options, height_variance=variance, climb_variance=0.01 * variance)
 
     @property
     def origin(self) -> tuple[float, float, float, float]:

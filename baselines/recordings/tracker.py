@@ -17,7 +17,7 @@ from baselines.estimation.forecast import check_times
 from baselines.estimation.turn_tracks import TurnTracks
 from baselines.estimation.turns import TurnEstimate, speed_of
 from baselines.recordings.clock import TickClock, number_of
-from baselines.recordings.online_estimate import OnlineEstimate, Status
+from baselines.recordings.online_estimate import HeightEstimate, OnlineEstimate, Status
 from baselines.recordings.sensor_units import SensorUnits
 from baselines.recordings.start import FirstMeasurements, gate_distance, unit_noise
 from baselines.recordings.track_modes import in_units, names_of_modes
@@ -26,11 +26,13 @@ from baselines.rules.decider import Decider
 from baselines.rules.external import CheckedDecider, as_decider, name_of
 from baselines.rules.fixed_lag import LARGEST_LAG, FixedLagSmoother
 from baselines.rules.hindsight import PROCESS_SHARE
+from baselines.rules.threshold import ThresholdDecider
 from hybrid_env.checks import (
     FloatArray,
     Moments,
     OwnState,
     Positive,
+    as_array,
     check_array,
     check_covariance,
     check_integer,
@@ -39,6 +41,7 @@ from hybrid_env.checks import (
 )
 from hybrid_env.compiled import run_compiled
 from hybrid_env.limits import Ticks
+from hybrid_env.modes import LinearMode, Straight
 from hybrid_env.options import WorldOptions
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.sensors import Fused
@@ -77,6 +80,10 @@ class OnlineTracker(OwnState):
     without two used ones in a row between them, the track begins again with the next measurements.
     With announced switches the gate is wider, since the mode may be wrong or unknown. A new object
     begins a track, see `begin`. Copies and pickled objects go on independently.
+
+    A third coordinate is a height, which the same rules follow apart from the plane with the
+    `height_variance` and the `climb_variance` of the options: level, or with any rate. See
+    `OnlineEstimate.height`.
 
     Attributes:
         mode_names: names of the modes that `OnlineEstimate` counts, see `names_of_modes`: a stop
@@ -263,6 +270,7 @@ class OnlineTracker(OwnState):
             collected=collected,
             announced_ticks=self._longest,
         )
+        self._heights: OnlineTracker | None = None
         self._late = 0.0
         # Number of the last measurements that were made before another one.
         self._behind = 0
@@ -289,9 +297,10 @@ class OnlineTracker(OwnState):
 
         Args:
             measurement: (2,) position of variance R, in the units of the sensor, or latitude and
-                longitude [deg] with a projection; or what the sensors of the options measured, as a
-                mapping from their place in the list: (x, y), (x, y, vx, vy), (range, bearing) or
-                (range, bearing, range rate), bearings in radians; None or NaN if there is none.
+                longitude [deg] with a projection; (3,) with a height in the unit of the estimate,
+                NaN if there is none; or what the sensors of the options measured, as a mapping from
+                their place in the list: (x, y), (x, y, vx, vy), (range, bearing) or (range,
+                bearing, range rate), bearings in radians; None or NaN if there is none.
             time: of the measurement in the unit of `tau`, or a date, also as text in the form of
                 ISO 8601; None is one tick after the last one. A measurement whose time is NaN is
                 dropped.
@@ -303,6 +312,12 @@ class OnlineTracker(OwnState):
             ArgumentError: measurement, velocity or time have another form, or the measurement is
                 missing and the decider cannot do without it.
         """
+        given: Any = measurement
+        pair = isinstance(given, (tuple, list)) and len(given) == 2
+        if not (pair or isinstance(given, Fused)) and as_array(given).shape == (3,):
+            *place, height = check_array("measurement", given, (3,), missing=True).tolist()
+            known = self.update(tuple(place), time, velocity)
+            return known._replace(height=self._height(height, self.time if time is None else time))
         moment = self.time + self.tau if time is None else number_of(time)
         point = self.units.measured(measurement, moment, velocity)
         if time is None:
@@ -330,6 +345,36 @@ class OnlineTracker(OwnState):
                     stacklevel=2,
                 )
         return self._at_time(point, moment)
+
+    def _height(self, height: float, time: Any) -> HeightEstimate:
+        """Process a measured height, and return what is known after it. It is x of a plane whose y
+        says nothing; modes are a level motion, whose filter forgets the rate, and any rate.
+        """
+        options, scales = self.options, self.units.scales
+        tau, variance = options.tau, options.height_variance
+        rate_variance = variance / tau**2
+        if self._heights is None:
+            # Both move y alike.
+            F = np.diag([1.0, 0.0, 1.0, 1.0])
+            F[2, 3] = tau
+            Q = np.diag([1e-3 * variance, rate_variance, 0.0, options.climb_variance])
+            vertical = QuickestOptions(
+                modes=(LinearMode(F, np.zeros(4), Q, "stop"), Straight()),
+                tau=tau,
+                process_variance=options.climb_variance,
+                measurement_variance=variance,
+            )
+            given = vertical, ThresholdDecider(), self.gate, self.gap
+            self._heights = OnlineTracker(*given, scales=scales)
+        known = self._heights.update((height, 0.0), time)
+        estimate, covariance = known.estimate[:2], known.covariance[:2, :2]
+        probabilities, side = np.zeros(3), 1 if estimate[1] > 0.0 else 2
+        probabilities[[0, side]] = known.probabilities
+        if self._heights.begun:
+            # The rate of a level height is 0.
+            level = probabilities[0] * rate_variance / scales[1] ** 2
+            covariance[1, 1] = max(covariance[1, 1] - level, 0.0)
+        return HeightEstimate(known.mode * side, probabilities, estimate, covariance, known.status)
 
     def _at_time(self, point: Fused | None, time: float) -> OnlineEstimate:
         """Process what was measured at a time after the last one."""

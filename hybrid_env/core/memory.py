@@ -214,13 +214,13 @@ MOTION = np.dtype(
         ("signed_radius", np.float64),
         # Along the heading at the switch [m/s^2].
         ("acceleration", np.float64),
-        # Vertical, of a mode that climbs or descends [m/s].
-        ("climb_rate", np.float64),
         # x' = F x + B + w of a tick, w of covariance Q, which is `noise` `noise`'.
         ("F", np.float64, (MOTION_STATES, MOTION_STATES)),
         ("B", np.float64, MOTION_STATES),
         ("Q", np.float64, (MOTION_STATES, MOTION_STATES)),
         ("noise", np.float64, (MOTION_STATES, MOTION_STATES)),
+        # Vertical, of a mode that climbs or descends [m/s].
+        ("climb_rate", np.float64),
         # Else the process noise is that of all modes, on the velocities.
         ("own_noise", np.bool_),
         # Else it is straight motion or a turn of a radius.

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.core.banks.bank import estimate_of, likeliest
-from hybrid_env.core.compilation import formula, inlined, internal
+from hybrid_env.core.compilation import formula, inlined, internal, seldom, stay_apart
 from hybrid_env.core.elementary import log
 from hybrid_env.core.memory import FloatArray, state_of
 from hybrid_env.core.motion import heading_vector
@@ -254,8 +254,18 @@ def write_heights(
     """Write the values at the end of a row that modes with a climb have besides, in the order of
     `Layout.height_features`.
     """
-    if heights is None or len(heights) == 0 or setting.observation == STATE_ROW:
+    if heights is None:
         return
+    if len(heights) > 0 and setting.observation != STATE_ROW:
+        _write_heights(heights, row, block, lane, setting)
+
+
+@seldom
+def _write_heights(
+    heights: Any, row: NDArray[np.float32], block: Any, lane: int, setting: Any
+) -> None:
+    """Do so where modes climb or descend."""
+    stay_apart()
     M, last, kind = len(heights), setting.width - 1, setting.observation
     whitener = 1.0 / math.sqrt(setting.height_variance)
     if kind == RAW_ROW:

@@ -10,7 +10,14 @@ import numpy as np
 
 from hybrid_env.core.compilation import formula, internal, seldom, stay_apart
 from hybrid_env.core.elementary import exp
-from hybrid_env.core.memory import SEGMENT_COLUMNS, FloatArray, Records, state_of, write_lane
+from hybrid_env.core.memory import (
+    SEGMENT_COLUMNS,
+    FloatArray,
+    Records,
+    arrays_of,
+    state_of,
+    write_lane,
+)
 from hybrid_env.core.motion import (
     heading_vector,
     linear_motion,
@@ -226,11 +233,13 @@ def _sense(
 
 
 @seldom
-def _climb(block: Any, noise: FloatArray, first: int, last: int, setting: Any) -> None:
+def _climb(block: Any, first: int, last: int, setting: Any) -> None:
     """Move the heights of lanes first .. last - 1 by one tick, and measure those of objects whose
     position is measured. The rate changes by process noise alone.
     """
     stay_apart()
+    # An array that a caller gives would be counted at every tick.
+    noise = arrays_of(setting).scratch[0].noise
     draw_normals(block.random_state, noise, first, last, None)
     for lane in range(first, last):
         rate = block.true_height[1, lane]
@@ -267,4 +276,4 @@ def move(
             if noise[LOST, lane] < setting.missed:
                 block.measurement[0, lane] = block.measurement[1, lane] = np.nan
     if motions is not None and setting.height_rows > 0:
-        _climb(block, noise, first, last, setting)
+        _climb(block, first, last, setting)

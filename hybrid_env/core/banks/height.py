@@ -7,7 +7,8 @@ rate of its mode, which then changes by process noise alone:
 The height is measured with a normal error that is independent of those in the plane, so that the
 log-likelihoods of both filters add up. Mixtures of filters, with unknown switches or with
 `follow="bank"`, leave plane and height uncorrelated. A bank of modes that neither climb nor descend
-has none of these filters, and others never have: the operations then do nothing.
+has none of these filters, and others never have: the operations then do nothing. What they do
+otherwise stays apart, so that the code of the plane is that without heights.
 """
 
 import math
@@ -38,6 +39,14 @@ def begin_heights(heights: Any, bank: Any, block: Any, lane: int) -> None:
     """Begin the filters of a lane at the estimated height of the block."""
     if heights is None:
         return
+    if len(heights) > 0:
+        _begin(heights, bank, block, lane)
+
+
+@seldom
+def _begin(heights: Any, bank: Any, block: Any, lane: int) -> None:
+    """Do so where modes climb or descend."""
+    stay_apart()
     height, variance = block.height_estimate[0, lane], block.height_variances[0, lane]
     block.anchor_height[lane] = height
     for h in range(len(heights)):
@@ -61,7 +70,24 @@ def step_heights(
     """
     if heights is None:
         return
-    for h in range(lowest, min(stop, len(heights))):
+    if len(heights) > 0:
+        _step(heights, bank, lowest, stop, first, last, measured, model)
+
+
+@seldom
+def _step(
+    heights: Any,
+    bank: Any,
+    lowest: int,
+    stop: int,
+    first: int,
+    last: int,
+    measured: FloatArray,
+    model: Any,
+) -> None:
+    """Do so where modes climb or descend."""
+    stay_apart()
+    for h in range(lowest, stop):
         for lane in range(first, last):
             before = _moments(heights[h], lane)
             zz, zv, vv = sandwich(((1.0, model.tau), (0.0, 1.0)), before[2:])
@@ -104,8 +130,16 @@ def estimate_heights(
     """Write estimates and their variances to the block. chosen: hypotheses, (LANES,); None merges
     all of them, after `posterior.compare`.
     """
-    if heights is None or len(heights) == 0:
+    if heights is None:
         return
+    if len(heights) > 0:
+        _estimate(heights, bank, block, chosen, first, last)
+
+
+@seldom
+def _estimate(heights: Any, bank: Any, block: Any, chosen: Any, first: int, last: int) -> None:
+    """Do so where modes climb or descend."""
+    stay_apart()
     for lane in range(first, last):
         if chosen is None:
             sums = bank.sums[0]
@@ -133,10 +167,20 @@ def step_mixed_heights(
     """
     if heights is None:
         return
+    if len(heights) > 0:
+        _step_mixed(heights, bank, first, last, measured, model)
+
+
+@seldom
+def _step_mixed(
+    heights: Any, bank: Any, first: int, last: int, measured: FloatArray, model: Any
+) -> None:
+    """Do so where modes climb or descend."""
+    stay_apart()
     for h in range(len(heights)):
         for lane in range(first, last):
             write_lane(heights[h], lane, _moments(bank.mixed_heights[h], lane))
-        step_heights(heights, bank, h, h + 1, first, last, measured, model)
+        _step(heights, bank, h, h + 1, first, last, measured, model)
         kalman = bank.hypotheses[h]
         for lane in range(first, last):
             prior = bank.mixed[h].log_probability[lane]

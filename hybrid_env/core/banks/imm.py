@@ -53,7 +53,7 @@ from hybrid_env.core.banks.height import (
 )
 from hybrid_env.core.banks.posterior import compare, write_covariance, write_mean
 from hybrid_env.core.banks.sensing import correct_by_sensors
-from hybrid_env.core.compilation import formula, internal, selected
+from hybrid_env.core.compilation import formula, internal, seldom, selected, stay_apart
 from hybrid_env.core.elementary import exp, log
 from hybrid_env.core.memory import (
     DenseImmBank,
@@ -152,6 +152,13 @@ def _brought(kalman: Any, lane: int, stays: bool) -> Filter:
     return (*state[:4], 0.0, 0.0, 0.0), of_seven(of_four(p))
 
 
+@formula
+def _weight(bank: DenseImmBank, g: int, h: int, lane: int) -> float:
+    """Return the probability that mode g was in the tick before, given that the next one is h."""
+    before = max(bank.hypotheses[g].log_probability[lane], NEGLIGIBLE)
+    return bank.transitions[g, h] * exp(before - bank.mixed[h].log_probability[lane])
+
+
 @internal
 def _mix_mode(bank: DenseImmBank, h: int, first: int, last: int) -> None:
     """Write the same for mode h and any transition matrix. Blom & Bar-Shalom 1988, interaction
@@ -175,9 +182,7 @@ def _mix_mode(bank: DenseImmBank, h: int, first: int, last: int) -> None:
     for g in range(modes):
         kalman = bank.hypotheses[g]
         for lane in range(first, last):
-            before = max(kalman.log_probability[lane], NEGLIGIBLE)
-            weight = bank.transitions[g, h] * exp(before - mixed.log_probability[lane])
-            bank.likelihoods[g, lane] = weight
+            weight = _weight(bank, g, h, lane)
             state, p = _brought(kalman, lane, g == h)
             # Differences to the filter of the mode itself lose no digits far from the origin.
             difference = combination((1.0, -1.0), (state, read_filter(own, lane)[0]))
@@ -190,7 +195,17 @@ def _mix_mode(bank: DenseImmBank, h: int, first: int, last: int) -> None:
         state = combination((1.0, 1.0), (difference, read_filter(own, lane)[0]))
         write_filter(mixed, lane, state, minus_square(widened(p), difference, 1.0))
     if len(bank.heights) > 0:
-        mix_heights(bank, h, first, last)
+        _mix_heights(bank, h, first, last)
+
+
+@seldom
+def _mix_heights(bank: DenseImmBank, h: int, first: int, last: int) -> None:
+    """Do the same for the heights."""
+    stay_apart()
+    for g in range(bank.hypotheses.size):
+        for lane in range(first, last):
+            bank.likelihoods[g, lane] = _weight(bank, g, h, lane)
+    mix_heights(bank, h, first, last)
 
 
 @internal

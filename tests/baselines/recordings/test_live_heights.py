@@ -1,0 +1,165 @@
+"""Heights of a live sensor: literal filters, a helix, and what a tracker of the plane does too."""
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+from hostile_input import refused
+from scipy import stats
+
+from baselines import FixedTimeDecider, OnlineTracker, ThresholdDecider
+from hybrid_env import QuickestOptions, WorldOptions
+
+OPTIONS = {
+    "speed": 50.0,
+    "tau": 1.0,
+    "measurement_variance": 25.0,
+    "process_variance": 0.05,
+    "climb_variance": 1e-3,
+    "height_variance": 9.0,
+}
+RADII = {"radii": (900.0,)}
+RATES = (8.0, 0.0, -6.0)
+
+
+def helix(rates=RATES, ticks=120, seed=0):
+    """Return measured positions (n, 3) of a left turn, in pieces of one climb rate each."""
+    generator = np.random.default_rng(seed)
+    angles = np.arange(ticks * len(rates)) / 18.0
+    heights = 1000.0 + np.cumsum(np.repeat(rates, ticks))
+    path = np.stack([900.0 * np.sin(angles), -900.0 * np.cos(angles), heights], axis=1)
+    return path + generator.normal(size=path.shape) * (5.0, 5.0, 3.0)
+
+
+def tracker_of(**changes):
+    return OnlineTracker(QuickestOptions(**RADII, **OPTIONS | changes), ThresholdDecider())
+
+
+class LiteralHeights:
+    """Two Kalman filters of [z, vz], of a level height and of any rate, mixed as in Blom &
+    Bar-Shalom 1988.
+    """
+
+    def __init__(self, estimate, P):
+        tau, R = OPTIONS["tau"], OPTIONS["height_variance"]
+        self.R, speed = R, np.sqrt(R) / tau
+        self.F = np.array([[[1.0, 0.0], [0.0, 0.0]], [[1.0, tau], [0.0, 1.0]]])
+        level = np.diag([1e-3 * R, speed**2])
+        self.Q = np.array([level, np.diag([0.0, OPTIONS["climb_variance"]])])
+        self.states, self.covariances = np.array([estimate] * 2), np.array([P] * 2)
+        self.probability = np.full(2, 0.5)
+        # The mean duration is 75 ticks.
+        self.transition = np.full((2, 2), 1 / 75) + (1 - 2 / 75) * np.eye(2)
+
+    def merged(self, weights):
+        mean = weights @ self.states
+        apart = self.states - mean
+        spread = self.covariances + apart[:, :, None] * apart[:, None]
+        return mean, np.einsum("k,kij->ij", weights, spread)
+
+    def step(self, z):
+        prior = self.transition.T @ self.probability
+        weights = self.transition * self.probability[:, None] / prior
+        begun = [self.merged(column) for column in weights.T]
+        H, likelihoods = np.array([[1.0, 0.0]]), np.ones(2)
+        for j, (x, P) in enumerate(begun):
+            x, P = self.F[j] @ x, self.F[j] @ P @ self.F[j].T + self.Q[j]
+            if not np.isnan(z):
+                S, innovation = (H @ P @ H.T).item() + self.R, z - x[0]
+                K = P @ H.T / S
+                x, P = x + K[:, 0] * innovation, P - K @ H @ P
+                likelihoods[j] = stats.norm.pdf(innovation, scale=np.sqrt(S))
+            self.states[j], self.covariances[j] = x, P
+        self.probability = prior * likelihoods / (prior * likelihoods).sum()
+        # The rate of a level height is 0.
+        states, covariances = self.states.copy(), self.covariances.copy()
+        self.states[0, 1] = self.covariances[0, 1] = self.covariances[0, :, 1] = 0.0
+        self.estimate, self.covariance = self.merged(self.probability)
+        self.states, self.covariances = states, covariances
+
+
+def test_heights_are_those_of_literal_filters_also_missing_late_and_far_ones():
+    heights = helix()[:, 2]
+    heights[[20, 21, 150]] = np.nan
+    tracker, literal = tracker_of(), None
+    for k, z in enumerate(heights):
+        far = k in (60, 200)
+        now = tracker.update((50.0 * k, 0.0, -9999.0 if far else z), float(k)).height
+        if literal is None:
+            assert now.status == "used" if k else "begun"
+            if k == 2:
+                literal = LiteralHeights(now.estimate, now.covariance)
+            continue
+        literal.step(np.nan if far else z)
+        assert now.status == ("far" if far else "missing" if np.isnan(z) else "used")
+        np.testing.assert_allclose(now.estimate, literal.estimate, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(now.covariance, literal.covariance, rtol=1e-6, atol=1e-9)
+        level = now.probabilities[0], literal.probability[0]
+        assert level[0] == pytest.approx(level[1], rel=1e-7, abs=1e-12)
+        assert now.probabilities.sum() == pytest.approx(1.0)
+
+
+def test_a_late_row_gives_the_same_as_in_order():
+    points = helix()
+    tracker, other = tracker_of(), tracker_of()
+    order = [*range(100), *range(101, 110), 100, *range(110, 130)]
+    for k in order:
+        now = tracker.update(tuple(points[k]), float(k))
+        assert (now.status, now.height.status) == (("late",) * 2 if k == 100 else (now.status,) * 2)
+    for k in range(130):
+        expected = other.update(tuple(points[k]), float(k))
+    np.testing.assert_equal(now.height, expected.height)
+
+
+@pytest.mark.parametrize("metre", [1.0, 1 / 0.3048])
+def test_a_helix_is_three_pieces_with_their_climb_rates_beside_the_same_plane(metre):
+    points, rates, modes = helix((8.0, -6.0, 4.0)) * metre, [], []
+    scales = np.full(4, 1.0 / metre)
+    options = QuickestOptions(**RADII, **OPTIONS)
+    tracker, plane = (OnlineTracker(options, ThresholdDecider(), scales=scales) for _ in range(2))
+    for k, point in enumerate(points):
+        now, expected = tracker.update(point, float(k)), plane.update(tuple(point[:2]), float(k))
+        np.testing.assert_equal(now._replace(height=None), expected)
+        rates.append(now.height.estimate[1] / metre)
+        modes.append(now.height.mode)
+    for k, rate in enumerate((8.0, -6.0, 4.0)):
+        half = slice(120 * k + 60, 120 * k + 120)
+        assert np.mean(rates[half]) == pytest.approx(rate, rel=0.05)
+        assert np.mean(np.array(modes[half]) == (1 if rate > 0 else 2)) > 0.95
+
+
+def test_level_heights_have_no_rate():
+    tracker = tracker_of()
+    told = [tracker.update(point).height for point in helix((0.0,), 300)]
+    assert [each.mode for each in told[50:]] == [0] * 250
+    rates = np.array([each.estimate[1] for each in told[50:]])
+    assert np.abs(rates).max() < 1.0
+
+
+def test_copies_go_on_alike_and_a_new_track_forgets_the_height():
+    points = helix()
+    tracker = tracker_of()
+    for point in points[:50]:
+        tracker.update(point)
+    copies = [copy.deepcopy(tracker), pickle.loads(pickle.dumps(tracker))]
+    for point in points[50:60]:
+        expected = tracker.update(point)
+        for each in copies:
+            np.testing.assert_equal(each.update(point), expected)
+    assert tracker.update(points[60, :2]).height is None
+    tracker.begin()
+    now = tracker.update((*points[61, :2], np.nan)).height
+    assert np.isnan(now.estimate).all()
+    assert now.status == "missing"
+
+
+def test_announced_switches_are_those_of_the_plane():
+    tracker = OnlineTracker(WorldOptions(**RADII, **OPTIONS), FixedTimeDecider(1000))
+    told = [tracker.update(point).height for point in helix((8.0,))]
+    assert [each.mode for each in told[20:]] == [1] * 100
+
+
+@pytest.mark.parametrize("height", [np.inf, 1e300, "up", None])
+def test_what_is_no_height_is_refused_in_one_line(height):
+    assert "measurement=" in refused(tracker_of().update, (1.0, 2.0, height))
