@@ -38,7 +38,7 @@ ENVIRONMENTS: dict[str, dict[str, object]] = {
     "HybridTrackPublishedBank-v0": TYPES,
     "HybridTrackQuickest-v0": {},
     "HybridTrackQuickestBank-v0": {"radii": BANK_RADII},
-    # Bank and likelihood are those that earn most for the rule `steady`.
+    # Bank and likelihood are those that earn most for the rule `steady`, see `studies/road`.
     "HybridTrackQuickestRoad-v0": {
         "process_variance": 0.01,
         "likelihood": "student_t 8",
@@ -61,7 +61,7 @@ def register_environments() -> None:
         "HybridTrackPublishedBank-v0": 4.80,
         "HybridTrackQuickest-v0": 485.0,
         "HybridTrackQuickestBank-v0": 285.0,
-        "HybridTrackQuickestRoad-v0": 415.0,
+        "HybridTrackQuickestRoad-v0": 431.0,
     }
     for env_id, options in ENVIRONMENTS.items():
         if env_id not in registry:
