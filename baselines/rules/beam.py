@@ -130,7 +130,7 @@ class BeamDecider(MeasurementDecider):
             tables,
             weights,
             0.0 if prior is None else prior.habitual,
-            own_filters(options)._replace(freedom=options.freedom),
+            own_filters(options),
             sensors_of(options),
             joined,
             0,

@@ -216,7 +216,8 @@ class ComponentFilters(OwnState):
         if robust and x != y and not self.oriented:
             variances = [(x, y), (y, x), ((x + y) / 2, (x + y) / 2)]
         laws = ASSUMED_LAWS if robust else ASSUMED_LAWS[:1]
-        model = own_filters(world)._replace(exact_anchor=float(bank == "published"))
+        # Its laws of the errors are its own.
+        model = own_filters(world)._replace(freedom=0.0, exact_anchor=float(bank == "published"))
         self.assumptions = [
             _Assumption(
                 model._replace(variance_x=law.variance * x, variance_y=law.variance * y),

@@ -43,6 +43,7 @@ def own_filters(options: ModelOptions) -> FilterModel:
         float(variances[0]),
         float(variances[-1]),
         drift_variance=options.drift_variance,
+        freedom=options.freedom,
     )
 
 

@@ -36,7 +36,7 @@ ALPHAS = (0.4, 0.3, 0.2, 0.15, 0.1, 0.05, 0.02, 5e-3)
 """Thresholds of error probabilities."""
 RULES = {
     ROAD: ("at-once", "ate", "sprt", "msprt", "msprt-type", "propagated", "propagated-robust"),
-    UNKNOWN: ("threshold", "steady", "beam", "beam-geometric", "cusum"),
+    UNKNOWN: ("threshold", "steady", "beam", "beam-geometric", "cusum", "glr"),
 }
 WORLDS: dict[str, dict[str, Any]] = {
     "object at 1 m/s": {"speed": 1.0, "initial_error": (0.3, 1.0)},

@@ -18,6 +18,7 @@ SHORT = {
 }
 
 
+ROBUST = SHORT | {"likelihood": "student_t 4"}
 MODES = SHORT | {"modes": "straight, stop, left 2, accelerate 2", "radii": ()}
 SENSED = SHORT | {
     "measurement_variance": 0.001,
@@ -100,8 +101,13 @@ def literal(seen, options, mean, threshold, margin, window):
 
 @pytest.mark.parametrize(
     ("given", "window", "margin", "mean"),
-    [(SHORT, 6, 1.5, True), (SENSED, 100, 0.5, False), (MODES, 20, 0.5, True)],
-    ids=["one sensor", "sensors", "modes"],
+    [
+        (SHORT, 6, 1.5, True),
+        (SENSED, 100, 0.5, False),
+        (MODES, 20, 0.5, True),
+        (ROBUST, 6, 1.5, False),
+    ],
+    ids=["one sensor", "sensors", "modes", "Student's t"],
 )
 def test_statements_and_ratios_equal_those_of_a_literal_loop(given, window, margin, mean):
     options = QuickestOptions(**given)
