@@ -63,9 +63,9 @@ class ModelOptions(Checked):
             range 30 at 10 20", "radar 5 0.01 rate 0.3") that replace the one of variance R and are
             fused; a tick in which none measures is like a missed one. R, one number, stays the unit
             of the observation.
-        likelihood: law of the innovations that the bank assumes: "gaussian", or "student_t 4" for a
-            robust one, by which a measurement far from all predictions changes little
-            (`core.banks.sensing`).
+        likelihood: law of the innovations that the bank assumes, and rules with filters of their
+            own: "gaussian", or "student_t 4" for a robust one, by which a measurement far from all
+            predictions changes little (`core.banks.sensing`).
         initial_error: (position variance of the first estimate / R, its velocity variance
             [m^2/s^2]) of a normal error; 0 starts at the true state.
         decide_every: ticks between two decisions. With announced switches a wait lasts to the next
