@@ -58,8 +58,8 @@ Setting = tuple[str, str, dict[str, Any], float]
 
 
 def thresholds_of(decider: Any) -> tuple[float, ...]:
-    """Return the thresholds to select from: with unknown switches every other one of a decider; with
-    announced ones agents, which learn when to stop, keep their own.
+    """Return the thresholds to select from: with unknown switches every other one of a decider;
+    with announced ones agents, which learn when to stop, keep their own.
     """
     if decider.task == "unknown":
         return tuple(decider.thresholds[::2])
