@@ -82,33 +82,34 @@ class FilterMemory(NamedTuple):
 
 @internal
 def _times(left: FloatArray, right: FloatArray) -> FloatArray:
-    """Return the product of two matrices. Products of so few numbers take less time than calls of a
-    library for matrices.
+    """Return the product of two matrices, the left one with many zeros. Products of so few numbers
+    take less time than calls of a library for matrices.
     """
-    product = np.empty((left.shape[0], right.shape[1]))
+    product = np.zeros((left.shape[0], right.shape[1]))
     for i in range(left.shape[0]):
-        for j in range(right.shape[1]):
-            total = 0.0
-            for k in range(left.shape[1]):
-                total += left[i, k] * right[k, j]
-            product[i, j] = total
+        for k in range(left.shape[1]):
+            if left[i, k] != 0.0:
+                for j in range(right.shape[1]):
+                    product[i, j] += left[i, k] * right[k, j]
+    return product
+
+
+@internal
+def _applied(A: FloatArray, x: FloatArray) -> FloatArray:
+    """Return the product of a matrix and a vector, see `_times`."""
+    product = np.empty(A.shape[0])
+    for i in range(A.shape[0]):
+        total = 0.0
+        for k in range(A.shape[1]):
+            total += A[i, k] * x[k]
+        product[i] = total
     return product
 
 
 @internal
 def _carried(A: FloatArray, P: FloatArray) -> FloatArray:
-    """Return A P A' of matrices (7, 7), P symmetric; most steps A have many zeros."""
-    half = np.zeros((STATES, STATES))
-    whole = np.zeros((STATES, STATES))
-    turned = np.empty((STATES, STATES))
-    for right, product in ((P, half), (turned, whole)):
-        for i in range(STATES):
-            for k in range(STATES):
-                if A[i, k] != 0.0:
-                    for j in range(STATES):
-                        product[i, j] += A[i, k] * right[k, j]
-        turned[:] = half.T
-    return whole
+    """Return A P A' of matrices, P symmetric."""
+    return _times(A, _times(A, P).T.copy())
 
 
 @internal
@@ -160,12 +161,14 @@ def _predict(
     state by that before.
     """
     A[:6, :6] = segments.F[place]
-    slope = segments.slopes[place] @ x[:6]
+    slope = _applied(segments.slopes[place], x[:6])
     A[:6, 6] = slope
-    x = A @ x
-    x[:6] += segments.B[place] - slope * segments.rates[place]
+    x = _applied(A, x)
     P = _carried(A, P)
-    P[:6, :6] += segments.Q[place]
+    for i in range(6):
+        x[i] += segments.B[place, i] - slope[i] * segments.rates[place]
+        for j in range(6):
+            P[i, j] += segments.Q[place, i, j]
     return x, P
 
 
@@ -223,7 +226,7 @@ def _correct(
             S[3, 3] += noise[-1] / weight
             determinant = np.linalg.det(S)
             inverse[:] = np.linalg.inv(S)
-        distance = float(error @ (inverse @ error))
+        distance = float((error * _applied(inverse, error)).sum())
         weight = min((freedom + count) / (freedom + distance), 1.0)
     gain[:] = _times(P[:, : len(measurement)], inverse)
     corrected = np.empty((STATES, STATES))
@@ -238,7 +241,7 @@ def _correct(
     if told and stands:
         square = measurement[2] ** 2 + measurement[3] ** 2
         log_likelihood -= 0.5 * square / noise[-1] + math.log(noise[-1])
-    return x + gain @ error, corrected, gain, error, log_likelihood
+    return x + _applied(gain, error), corrected, gain, error, log_likelihood
 
 
 @compiled
@@ -291,6 +294,7 @@ def compare_begins(
     segments: Segments,
     speed: float,
     freedom: float,
+    numbers: IntArray,
     firsts: IntArray,
     states: FloatArray,
     covariances: FloatArray,
@@ -298,7 +302,7 @@ def compare_begins(
     stride: int,
     log_likelihoods: FloatArray,
 ) -> None:
-    """Write how likely the measurements around the begin of each piece are if it begins elsewhere,
+    """Write how likely the measurements around the begins of n pieces are if these begin elsewhere,
     or gradually.
 
     Args:
@@ -308,26 +312,28 @@ def compare_begins(
         segments: of the pieces, and then the same as they begin gradually.
         speed: as in `_begin`.
         freedom: as in `filter_block`.
-        firsts: (K,) first of the begins that are compared.
-        states: (K, 7) before these ticks.
-        covariances: (K, 7, 7) of the states.
-        gradual: (G,) ticks for which they do.
+        numbers: (n,) of the pieces, not the first one.
+        firsts: (n,) first of the begins that are compared.
+        states: (n, 7) before these ticks.
+        covariances: (n, 7, 7) of the states.
+        gradual: (G,) ticks for which they do, the first 0.
         stride: ticks between two begins that are compared.
         log_likelihoods: see `PieceSmoother.compare`, written.
     """
     A = np.eye(STATES)
     inverse = np.empty((measurements.shape[1], measurements.shape[1]))
     count = len(pieces)
-    for k in range(1, count):
+    for row in range(len(numbers)):
+        k = numbers[row]
         begin, end = pieces[k, 0], pieces[k, 1]
         # All ways are the same where the curvature does not change.
         changes = segments.curvatures[k] != segments.curvatures[count + k]
         ways = len(gradual) if changes else 1
-        x, P = states[k].copy(), covariances[k].copy()
+        x, P = states[row].copy(), covariances[row].copy()
         before = 0.0
         # The begin itself is always compared.
         last = min(begin + REACH * stride, end - 2)
-        for now in range(firsts[k], max(last, begin) + 1, stride):
+        for now in range(firsts[row], max(last, begin) + 1, stride):
             for g in range(ways):
                 log_likelihood = before
                 y, V = x, P
@@ -340,7 +346,7 @@ def compare_begins(
                     seen, noise, stands = measurements[tick], noises[tick], segments.stands[place]
                     y, V, _, _, more = _correct(y, V, seen, noise, stands, freedom, inverse)
                     log_likelihood += more
-                log_likelihoods[k, g:, (now - begin) // stride + REACH] = log_likelihood
+                log_likelihoods[row, g:, (now - begin) // stride + REACH] = log_likelihood
             # The piece before goes on.
             for tick in range(now, now + stride):
                 x, P = _predict(x, P, A, k - 1, segments)
@@ -387,7 +393,7 @@ def _smoothed(
 ) -> None:
     """Write state and covariance of tick k of a block, given its later ticks too."""
     P = memory.covariances[k + 1]
-    means[k] = memory.states[k + 1] - P @ adjoint
+    means[k] = memory.states[k + 1] - _applied(P, adjoint)
     covariances[k] = P - _carried(P, information)
 
 
@@ -400,7 +406,7 @@ def _go_back(memory: FilterMemory, k: int, adjoint: FloatArray, information: Flo
     # The step, and what the correction by the measurement leaves of it.
     left = (step - _times(memory.gains[k], seen)).T.copy()
     weighted = _times(inverse, seen)
-    adjoint[:] = left @ adjoint - memory.errors[k] @ weighted
+    adjoint[:] = _applied(left, adjoint) - _applied(weighted.T, memory.errors[k])
     information[:] = _carried(left, information) + _times(seen.T, weighted)
 
 

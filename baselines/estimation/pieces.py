@@ -275,13 +275,16 @@ class PieceSmoother:
         run_compiled(compare_modes, *arguments, states, covariances, compared)
         return compared
 
-    def compare(self, stride: int, process_share: float) -> tuple[FloatArray, float]:
-        """Return log-likelihoods of what is measured around the begins of the pieces that were
-        smoothed last, (K, G, 2 REACH + 1): if they begin gradually, see `GRADUAL`, and up to
-        `REACH` times before or after; -inf where one cannot, and for the first piece. Also return
-        how large innovations are, 1 if the model holds.
+    def compare(
+        self, numbers: IntArray, gradual: IntArray, stride: int, process_share: float
+    ) -> tuple[FloatArray, float]:
+        """Return log-likelihoods of what is measured around the begins of pieces that were smoothed
+        last, (n, G, 2 REACH + 1): if they begin gradually, and up to `REACH` times before or after;
+        -inf where one cannot. Also return how large innovations are, 1 if the model holds.
 
         Args:
+            numbers: (n,) of the pieces, not the first one.
+            gradual: (G,) times for which they do, the first 0, see `GRADUAL`.
             stride: number of ticks of a time.
             process_share: of the process noise that counts.
         """
@@ -297,15 +300,14 @@ class PieceSmoother:
         # Relative deviation of the curvature of a turn from what was smoothed.
         segments = segments._replace(spread=0.2)
         segments.Q[:] *= process_share
-        before = np.diff(pieces[:, 0], prepend=0) - 1
-        firsts = pieces[:, 0] - stride * np.minimum(before // stride, REACH)
+        begins = pieces[numbers, 0]
+        before = begins - pieces[numbers - 1, 0] - 1
+        firsts = begins - stride * np.minimum(before // stride, REACH)
         states, covariances, misfit = self._filtered(firsts, segments)
-        compared = np.full((len(pieces), len(GRADUAL), 2 * REACH + 1), -np.inf)
+        compared = np.full((len(numbers), len(gradual), 2 * REACH + 1), -np.inf)
         arguments = self.measurements, self.noises, pieces, segments, self.speed, self.freedom
-        gradual = stride * GRADUAL
-        run_compiled(
-            compare_begins, *arguments, firsts, states, covariances, gradual, stride, compared
-        )
+        starts = numbers, firsts, states, covariances
+        run_compiled(compare_begins, *arguments, *starts, stride * gradual, stride, compared)
         return compared, misfit
 
 

@@ -203,9 +203,9 @@ def _differences(times: AnyArray, values: FloatArray, points: int) -> tuple[IntA
     span = times[rows[:, -1]] - times[rows[:, 0]]
     # Span of four or five measurements, over the median span.
     rows = rows[span <= 2.0 * np.median(span)]
-    passed = (times[rows] - times[rows[:, :1]]).astype(float)
-    apart = passed[:, :, None] - passed[:, None, :] + np.eye(points)
-    weights = 1.0 / apart.prod(2)
-    weights /= np.sqrt((weights**2).sum(1, keepdims=True))
+    passed = (times[rows] - times[rows[:, :1]]).T.astype(float, order="C")
+    apart = passed[:, None] - passed + np.eye(points)[:, :, None]
+    weights = 1.0 / apart.prod(1)
+    weights /= np.sqrt((weights**2).sum(0))
     near = values[rows]
-    return rows, np.einsum("ap,apm->am", weights, near - near[:, :1])
+    return rows, np.einsum("pa,apm->am", weights, near - near[:, :1])

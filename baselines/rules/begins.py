@@ -50,43 +50,49 @@ def find_begins(
         smoother: of the pieces.
         process_share: as of `smooth_modes`.
     """
-    rows = np.add.reduceat(measured.astype(int), pieces[:, 0])
     motions = options.motions[pieces[:, 2]]
     linear = motions["linear"]
+    times = GRADUAL
     turns = (np.diff(motions["signed_radius"]) != 0.0) & ~linear[1:] & ~linear[:-1]
     numbers = np.arange(len(turns))
     # Innovations along its pieces by which a recording says little of begins, see `PieceSmoother`.
     largest = 4.0
+    # So many pieces tell the ways of all.
+    some = np.linspace(0, len(turns) - 1, min(len(turns), 200)).astype(int)
     # Ticks between two begins that are compared, until most pieces have the likeliest among them.
     for stride in (1, 2, 4):
-        compared, misfit = smoother.compare(stride, process_share)
-        compared = compared[1:]
+        compared, misfit = smoother.compare(some + 1, GRADUAL, stride, process_share)
         padded = np.pad(compared[:, 0], ((0, 0), (1, 1)), constant_values=-np.inf)
-        peaks = compared[:, 0].argmax(1)
-        inside = np.isfinite(padded[numbers, peaks]) & np.isfinite(padded[numbers, peaks + 2])
+        each, peaks = np.arange(len(some)), compared[:, 0].argmax(1)
+        inside = np.isfinite(padded[each, peaks]) & np.isfinite(padded[each, peaks + 2])
         if misfit > largest or inside.mean() >= 0.75:
             break
-    of_ways = logsumexp(compared, axis=2)
-    of_shifts = np.exp(compared - of_ways[:, :, None])
     abrupt = np.eye(len(GRADUAL))[0]
     shares = np.tile(abrupt, (len(turns), 1))
     for into_turns in (True, False):
         group = turns & ((motions["signed_radius"][1:] != 0.0) == into_turns)
-        if misfit <= largest and inside.mean() >= 0.75 and group.any():
-            shares[group] = _ways_of(of_ways[group & inside])
+        if misfit <= largest and inside.mean() >= 0.75 and group[some].any():
+            shares[group] = _ways_of(logsumexp(compared[group[some] & inside], axis=2))
+    if len(some) < len(turns):
+        # Of all pieces only the ways that count, and the abrupt one.
+        counts = abrupt + shares.max(0) > 0.01
+        shares, times = shares[:, counts], GRADUAL[counts]
+        compared, _ = smoother.compare(numbers + 1, times, stride, process_share)
+    of_shifts = softmax(compared, axis=2)
     begins, moments = pieces[:, 0].copy(), pieces[:, [0, 0]]
     gradual = np.zeros(len(pieces), int)
     ways = shares.argmax(1)
     if ways.any():
         # No piece keeps less than three rows. Stops and other linear modes begin as decided.
         shifts = stride * np.arange(-REACH, REACH + 1)
+        rows = np.add.reduceat(measured.astype(int), pieces[:, 0])
         most = np.maximum(rows - 3, 0)[:, None] // 2
-        usual = 0.5 * stride * GRADUAL[ways][:, None]
+        usual = 0.5 * stride * times[ways][:, None]
         allowed = (shifts >= -most[:-1]) & (shifts <= most[1:])
         allowed &= np.abs(shifts + usual) <= usual + 2.0 * stride
         best = np.where(allowed, of_shifts[numbers, ways], -1.0).argmax(1)
         begins[1:] += np.where(linear[1:], 0, stride * (best - REACH))
-        gradual[1:] = stride * GRADUAL[ways]
+        gradual[1:] = stride * times[ways]
     sums = np.cumsum((shares[:, :, None] * of_shifts).sum(1), axis=1)
     for column, probability in enumerate((0.025, 0.975)):
         moments[1:, column] += stride * ((sums < probability).sum(1) - REACH)

@@ -182,7 +182,7 @@ def _find_pieces(
         compared = np.where(linear, -np.inf, smoother.compare_modes(pieces, after))
         pieces[after, 2] = compared.argmax(1)
         pieces = runs_of(modes_of(pieces))
-        smoothed = smoother.smooth(pieces)
+        smoothed = smoother.smooth(pieces, rounds=1)
     moments = pieces[:, [0, 0]]
     if len(pieces) > 1:
         begins, moments, gradual = find_begins(pieces, measured, options, smoother, process_share)
@@ -191,7 +191,7 @@ def _find_pieces(
             begins = pieces[:, 0][kept]
             begins[1:] = np.where(kept[:-1][kept[1:]], begins[1:], pieces[:-1, 0][kept[1:]])
             pieces = pieces_of(begins, pieces[kept, 2], ticks)
-            smoothed = smoother.smooth(pieces)
+            smoothed = smoother.smooth(pieces, rounds=1)
             arguments = pieces, measured, options, smoother, process_share
             begins, moments, gradual = find_begins(*arguments)
         if gradual.any() or (begins != pieces[:, 0]).any():
