@@ -133,11 +133,11 @@ class LiveTracks(OwnState):
     @property
     def counts(self) -> bool:
         """Whether an action counts at the present tick, see the option `decide_every`."""
-        block, every = self.world.blocks[0], self.options.decide_every
+        blocks, every = self.world.blocks, self.options.decide_every
         if not self.announced:
-            return bool((block["time"][0] - 1) % every == 0)
-        tick = block["tick"][0]
-        return bool(tick % every == 0 or tick == block["length"][0])
+            return bool((blocks["time"].item(0, 0) - 1) % every == 0)
+        tick = blocks["tick"].item(0, 0)
+        return bool(tick % every == 0 or tick == blocks["length"].item(0, 0))
 
     @property
     def mode(self) -> int:
