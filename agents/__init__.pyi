@@ -11,7 +11,6 @@ from agents.functions import load as load
 from agents.functions import train as train
 from agents.learned.algorithm_names import find_algorithm as find_algorithm
 from agents.learned.anchor_decider import AnchorDecider as AnchorDecider
-from agents.learned.anchor_decider import RobustAnchorDecider as RobustAnchorDecider
 from agents.learned.anchor_inputs import RowRatios as RowRatios
 from agents.learned.anchor_inputs import regret_inputs as regret_inputs
 from agents.learned.statement_decider import StatementDecider as StatementDecider

@@ -7,8 +7,7 @@ weights apply to objects of any size and to banks of any size.
 """
 
 import copy
-from collections.abc import Sequence
-from typing import Any, ClassVar, NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import torch
@@ -31,7 +30,6 @@ from baselines.rules.component_filters import (
     NORMAL,
     Anchors,
     ComponentFilters,
-    NoiseLaw,
     stated_anchors,
 )
 from baselines.rules.decider import Actions, Observations
@@ -55,9 +53,10 @@ class AnchorState:
 
     ratios: RowRatios
 
-    def __init__(self, world: WorldOptions, tracks: int, laws: Sequence[NoiseLaw]):
+    def __init__(self, world: WorldOptions, tracks: int):
         self.world = world
         M, C = world.hypotheses, AnchorNet.components
+        laws = NORMAL, DISTURBED, HEAVY_TAILS
         self.filters = ComponentFilters("anchor_aware", C, tracks, world, laws)
         # An episode starts with the next first tick of a segment, (N,), and with this row.
         self.starting = np.ones(tracks, np.bool_)
@@ -159,7 +158,6 @@ class AnchorDecider(NetworkDecider):
 
     Attributes:
         stop: 0 to declare by the probability of an error alone, at threshold 0 by one of 2 %.
-        laws: what its filters assume, the last one heavy tails.
     """
 
     every_tick = True
@@ -168,7 +166,6 @@ class AnchorDecider(NetworkDecider):
     symbol = "log-odds"
     second_threshold = "stop"
     stop: float = 1.0
-    laws: ClassVar[tuple[NoiseLaw, ...]] = (NORMAL, HEAVY_TAILS)
     thresholds = -30.0, -20.0, -12.0, -8.0, -5.0, -2.5, 0.0, 2.5, 5.0, 12.0, 30.0
 
     def __init__(self, net: AnchorNetworks, world: WorldOptions):
@@ -186,7 +183,7 @@ class AnchorDecider(NetworkDecider):
     ) -> tuple[FloatArray, AnchorState]:
         """Return the posterior of the hypotheses (N, M) after one tick, and the state."""
         rows, sensed = split_sensed(self.layout, np.asarray(observation))
-        state = state or AnchorState(self.world, len(rows), self.laws)
+        state = state or AnchorState(self.world, len(rows))
         state.advance(self.net.anchor, RowRatios(self.world, rows), episode_start, sensed)
         return state.posterior, state
 
@@ -266,9 +263,3 @@ class AnchorDecider(NetworkDecider):
     def select_tracks(self, state: AnchorState, tracks: BoolArray) -> AnchorState:
         """See `Decider.select_tracks`."""
         return state.select_tracks(tracks)
-
-
-class RobustAnchorDecider(AnchorDecider):
-    """The same for objects whose process noise may be far larger than told."""
-
-    laws = (NORMAL, DISTURBED, HEAVY_TAILS)

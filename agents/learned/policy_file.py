@@ -118,7 +118,6 @@ def find_kind(algo: Any, decider: Any) -> Any:
     # Deciders whose weights come with the package, as on their cards.
     of_package = (
         "agents.learned.anchor_decider:AnchorDecider",
-        "agents.learned.anchor_decider:RobustAnchorDecider",
         "agents.learned.statement_decider:StatementDecider",
     )
     if decider in of_package:

@@ -143,7 +143,7 @@ class Explorer(Decider):
         generator: np.random.Generator,
     ):
         self.algorithm, self.world, self.seed = algorithm, world, seed
-        self.agent = algorithm.decider(algorithm.network, world)
+        self.agent = AnchorDecider(algorithm.network, world)
         self.observes = self.agent.observes
         self.observe = self.agent.observe  # type: ignore[method-assign]
         self.generator = generator

@@ -17,7 +17,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn.utils.rnn import pad_sequence
 
-from agents import RobustAnchorDecider, RowRatios, find_decider, regret_inputs
+from agents import RowRatios, find_decider, regret_inputs
 from hybrid_env import ArgumentError, WorldOptions
 from studies.shipped.anchor import Float32Array, IntArray
 from studies.shipped.explorer import Count, Explorer, FloatArray, WorldsAlgorithm, WorldsSettings
@@ -116,12 +116,6 @@ class Stopping(WorldsAlgorithm):
                 totals.append((float(earned.detach().mean()), float(decided.mean())))
         reward, delay = np.mean(totals, axis=0).tolist()
         return len(inputs), reward, delay, {"expected_reward": reward}
-
-
-class RobustStopping(Stopping):
-    """The same of an agent for objects that move otherwise than told."""
-
-    decider = RobustAnchorDecider
 
 
 @torch.no_grad()
