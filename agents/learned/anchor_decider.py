@@ -24,14 +24,7 @@ from agents.learned.anchor_inputs import (
 )
 from agents.learned.anchor_net import AnchorNet, AnchorNetworks
 from agents.learned.torch_defaults import NetworkDecider
-from baselines.rules.component_filters import (
-    DISTURBED,
-    HEAVY_TAILS,
-    NORMAL,
-    Anchors,
-    ComponentFilters,
-    stated_anchors,
-)
+from baselines.rules.component_filters import Anchors, ComponentFilters, stated_anchors
 from baselines.rules.decider import Actions, Observations
 from baselines.rules.measurements import observe_sensed, split_sensed
 from baselines.rules.msprt import error_and_best
@@ -56,8 +49,7 @@ class AnchorState:
     def __init__(self, world: WorldOptions, tracks: int):
         self.world = world
         M, C = world.hypotheses, AnchorNet.components
-        laws = NORMAL, DISTURBED, HEAVY_TAILS
-        self.filters = ComponentFilters("anchor_aware", C, tracks, world, laws)
+        self.filters = ComponentFilters("anchor_aware", C, tracks, world, robust=True)
         # An episode starts with the next first tick of a segment, (N,), and with this row.
         self.starting = np.ones(tracks, np.bool_)
         self.first = np.zeros(tracks, np.bool_)

@@ -131,7 +131,7 @@ class AnchorErrors(OwnState):
             results,
             np.stack([*indices, ticks], axis=-1).reshape(-1, 8).astype(np.int64),
             np.repeat(self._noise(tracks), courses, axis=0),
-            filters.assumed_ratios,
+            filters.noise_ratios,
             filters.filters,
             self.bank.filters[0],
             self.bank.sensors,

@@ -5,7 +5,6 @@ sensors it lacks the covariance of the measurement: then the filters also read w
 """
 
 import math
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -56,19 +55,12 @@ class NoiseLaw(NamedTuple):
     outlier_variance: float
     # Logarithm of the share of outliers.
     log_outlier_odds: float
-    # Squared whitened innovation from which a measurement counts as an outlier; infinite for none.
+    # Squared whitened innovation from which a measurement counts as an outlier.
     distance: float
-    # Process noise, relative to Q.
-    process_variance: float
 
 
-EXACT = NoiseLaw(0.0, 1.0, 1.0, 0.0, math.inf, 1.0)
-"""Normal errors without outliers."""
-NORMAL = NoiseLaw(0.0, 1.0, 25.0, -3.5, 14.0, 1.0)
-"""Normal errors with an outlier in thirty."""
-DISTURBED = NORMAL._replace(log_prior=-5.0, process_variance=30.0)
-"""The same of an object whose process noise is far larger than told."""
-HEAVY_TAILS = NoiseLaw(-3.0, 2.0, 40.0, -2.3, 12.0, 1.0)
+# Normal errors with an outlier in thirty, and heavy tails.
+ASSUMED_LAWS = NoiseLaw(0.0, 1.0, 25.0, -3.5, 14.0), NoiseLaw(-3.0, 2.0, 40.0, -2.3, 12.0)
 
 
 class _Assumption(NamedTuple):
@@ -76,6 +68,8 @@ class _Assumption(NamedTuple):
 
     model: FilterModel
     outlier_model: FilterModel
+    # That of the law; infinite if no measurement counts as an outlier.
+    distance: float
     law: NoiseLaw
 
 
@@ -168,7 +162,7 @@ def _filter_tick(
                 x = memory.innovations[h].white_x[lane]
                 y = memory.innovations[h].white_y[lane]
                 smallest = min(smallest, x * x + y * y)
-            if smallest >= assumption.law.distance:
+            if smallest >= assumption.distance:
                 # No hypothesis explains the measurement.
                 for h in range(bank.size):
                     copy_filter(memory.filters[h], lane, bank[h], lane)
@@ -186,11 +180,11 @@ def _filter_tick(
 
 class ComponentFilters(OwnState):
     """One bank for each of N tracks and of C components of the distribution of its anchor: filters
-    of `anchor_aware`, with an exact anchor those of `published`. A measurement that no hypothesis
-    explains is an outlier, with a larger variance, unless the law is `EXACT`. There are filters for
-    every law, weighted by the likelihood of all measurements of the episode, and but for this law
-    for three orientations of the heading frame if the axes have different variances. Otherwise
-    these have their geometric mean. With `oriented` the rows of the published bank tell the axes.
+    of `anchor_aware`, with an exact anchor those of `published`. With `robust` a measurement that
+    no hypothesis explains is an outlier, with a larger variance. There are filters for every law of
+    `ASSUMED_LAWS`, weighted by the likelihood of all measurements of the episode, and for three
+    orientations of the heading frame if the axes have different variances. Otherwise these have
+    their geometric mean. With `oriented` the rows of the published bank tell the axes.
     """
 
     # (C, N, M) of all measurements since the start of the filters.
@@ -208,30 +202,34 @@ class ComponentFilters(OwnState):
         components: int,
         tracks: int,
         world: WorldOptions,
-        laws: Sequence[NoiseLaw] = (EXACT,),
+        robust: bool = False,
         oriented: bool = False,
     ):
         self.bank = bank
         self.world = world
-        self.laws = laws
+        self.robust = robust
         self.layout = Layout(world.hypotheses)
         x, y = np.broadcast_to(world.variances, 2).tolist()
         variances = [(float(np.sqrt(x * y)),) * 2]
         # The published bank tells the axes.
         self.oriented = oriented and x != y and world.bank == "published"
-        if EXACT not in laws and x != y and not self.oriented:
+        if robust and x != y and not self.oriented:
             variances = [(x, y), (y, x), ((x + y) / 2, (x + y) / 2)]
+        laws = ASSUMED_LAWS if robust else ASSUMED_LAWS[:1]
         # Its laws of the errors are its own.
         model = own_filters(world)._replace(freedom=0.0, exact_anchor=float(bank == "published"))
-        self.assumptions = []
-        for law in laws:
-            of_law = model._replace(process_variance=law.process_variance * model.process_variance)
-            for x, y in variances:
-                usual, outlier = (
-                    of_law._replace(variance_x=variance * x, variance_y=variance * y)
-                    for variance in (law.variance, law.outlier_variance)
-                )
-                self.assumptions.append(_Assumption(usual, outlier, law))
+        self.assumptions = [
+            _Assumption(
+                model._replace(variance_x=law.variance * x, variance_y=law.variance * y),
+                model._replace(
+                    variance_x=law.outlier_variance * x, variance_y=law.outlier_variance * y
+                ),
+                law.distance if robust else math.inf,
+                law,
+            )
+            for law in laws
+            for x, y in variances
+        ]
         self.prior = np.array([[law.log_prior] for law in laws])
         self.log_laws = np.tile(self.prior, (1, tracks))
         self.log_weights = np.zeros((tracks, components))
@@ -338,12 +336,9 @@ class ComponentFilters(OwnState):
         self.log_laws[:, begins] = laws - logsumexp(laws, axis=0)
 
     @property
-    def assumed_ratios(self) -> FloatArray:
-        """Variance of the errors over that of a measurement, and of the process noise over Q, by
-        each assumption, (assumptions, 2).
-        """
-        laws = [assumption.law for assumption in self.assumptions]
-        return np.array([[law.variance, law.process_variance] for law in laws])
+    def noise_ratios(self) -> FloatArray:
+        """Variance of the errors over that of a measurement, by each assumption."""
+        return np.array([assumption.law.variance for assumption in self.assumptions])
 
     @property
     def posterior(self) -> FloatArray:
@@ -360,7 +355,7 @@ class ComponentFilters(OwnState):
         """Return the filters of the tracks selected by a mask (N,)."""
         components = len(self.log_likelihood)
         count = int(tracks.sum())
-        given = self.bank, components, count, self.world, self.laws, self.oriented
+        given = self.bank, components, count, self.world, self.robust, self.oriented
         selected = ComponentFilters(*given)
         for name in ("noise", "axes_known", "log_weights"):
             setattr(selected, name, getattr(self, name)[tracks])

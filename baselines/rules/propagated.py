@@ -8,14 +8,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from baselines.rules.anchor_errors import COMPONENTS, AnchorErrors
-from baselines.rules.component_filters import (
-    EXACT,
-    HEAVY_TAILS,
-    NORMAL,
-    Anchors,
-    ComponentFilters,
-    stated_anchors,
-)
+from baselines.rules.component_filters import Anchors, ComponentFilters, stated_anchors
 from baselines.rules.decider import Answer, Decider, Observations, Variants
 from baselines.rules.measurements import observe_sensed, split_sensed
 from baselines.rules.msprt import ALPHAS, error_and_best
@@ -66,7 +59,7 @@ class RefilteringDecider(Decider):
     ):
         super().__init__(alpha)
         self.world = world
-        self.laws = (NORMAL, HEAVY_TAILS) if robust else (EXACT,)
+        self.robust = robust
         self.bank = bank
         # The anchor of the oracle is the true state.
         self.propagates = propagates and world.bank != "oracle"
@@ -83,7 +76,7 @@ class RefilteringDecider(Decider):
         unless the filters start from the stated covariance.
         """
         world = self.world
-        given = self.bank, self.components, tracks, world, self.laws, self.propagates
+        given = self.bank, self.components, tracks, world, self.robust, self.propagates
         errors = AnchorErrors(tracks, world) if self.propagates else None
         return ComponentFilters(*given), errors
 

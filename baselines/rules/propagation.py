@@ -62,12 +62,10 @@ def _tick(
     noise: FloatArray,
     sensors: AnyArray,
     model: FilterModel,
-    process_variance: float,
 ) -> FloatArray:
     """Advance the states of object and filter, (14,), by a tick with a measurement; return their
     covariance, (14, 14), which was `joint`. precision: (2, 2) inverse of the covariance of the
-    measurement in the model of the filter; noise: (2, 2) covariance of its errors;
-    process_variance: of the object.
+    measurement in the model of the filter; noise: (2, 2) covariance of its errors.
     """
     kalman = memory.filters[0]
     measured = memory.measured[0]
@@ -75,8 +73,8 @@ def _tick(
     motion[:FILTER_STATES, :FILTER_STATES] = _move(mean[:FILTER_STATES], model.tau)
     motion[FILTER_STATES:, FILTER_STATES:] = _move(mean[FILTER_STATES:], model.tau)
     moved = motion @ joint @ motion.T
-    moved[1, 1] += process_variance
-    moved[3, 3] += process_variance
+    moved[1, 1] += model.process_variance
+    moved[3, 3] += model.process_variance
     measured.measurement[0, 0] = mean[0]
     measured.measurement[1, 0] = mean[2]
     first, last = np.uint64(0), np.uint64(1)
@@ -141,8 +139,8 @@ def propagate_anchor(
 ) -> None:
     """Write what `_write_error` does, (K, 30), of K courses, (K, 8): assumption, block, hypothesis
     and lane of a filter of the decider; block, declared hypothesis and lane of the bank; ticks to
-    the switch. noise: (K, 3), covariance of a measurement xx, xy, yy over R, and `ratios`, see
-    `ComponentFilters.assumed_ratios`.
+    the switch. noise: (K, 3), covariance of a measurement xx, xy, yy over R, and `ratios` of that
+    of the errors by the assumptions.
     """
     mean = np.empty(2 * FILTER_STATES)
     R = np.empty((2, 2))
@@ -160,8 +158,7 @@ def propagate_anchor(
         for row in range(3):
             memory.measured[0].noise[row, 0] = noise[k, row]
         precision = np.linalg.inv(R)
-        errors = ratios[assumption, 0] * R
-        process_variance = ratios[assumption, 1] * model.process_variance
+        errors = ratios[assumption] * R
         for _ in range(ticks):
-            joint = _tick(mean, joint, memory, precision, errors, sensors, model, process_variance)
+            joint = _tick(mean, joint, memory, precision, errors, sensors, model)
         _write_error(results[k], mean, joint)

@@ -8,14 +8,7 @@ import numpy as np
 from matrix_filters import MatrixExtendedKalmanFilter
 from scipy.special import log_softmax, logsumexp
 
-from baselines.rules.component_filters import (
-    DISTURBED,
-    HEAVY_TAILS,
-    NORMAL,
-    ComponentFilters,
-    speeds,
-    stated_anchors,
-)
+from baselines.rules.component_filters import ASSUMED_LAWS, ComponentFilters, speeds, stated_anchors
 from baselines.rules.measurements import in_rows
 from hybrid_env import HybridTrackVectorEnv, Layout
 
@@ -43,7 +36,7 @@ def reference(world, speed, covariance, measurements, R, law):
     measurements were outliers.
     """
     R, outlier_R = (np.multiply(factor, R) for factor in (law.variance, law.outlier_variance))
-    model = world.tau, law.process_variance * world.process_variance, R
+    model = world.tau, world.process_variance, R
     filters = [
         MatrixExtendedKalmanFilter((0.0, speed, 0.0, 0.0), covariance, radius, *model)
         for radius in (0.0, *world.radii, *(-radius for radius in world.radii))
@@ -70,9 +63,8 @@ def reference(world, speed, covariance, measurements, R, law):
 
 def test_robust_filters_equal_matrix_filters():
     x, y = 0.02, 0.4
-    laws = NORMAL, DISTURBED, HEAVY_TAILS
     world, rows = recorded(measurement_variance=(x, y), missed=0.3)
-    filters = ComponentFilters("anchor_aware", 1, TRACKS, world, laws)
+    filters = ComponentFilters("anchor_aware", 1, TRACKS, world, robust=True)
     anchors = stated_anchors(world, rows[0])
     ours = []
     none = np.zeros(TRACKS, np.bool_)
@@ -88,13 +80,13 @@ def test_robust_filters_equal_matrix_filters():
     for track in range(4):
         of_track = world, begun[track], anchors.covariance[track, 0], measurements[:, track]
         by_law = []
-        for law in laws:
+        for law in ASSUMED_LAWS:
             each, outliers = zip(*(reference(*of_track, R, law) for R in axes), strict=True)
             by_law.append(law.log_prior + logsumexp(each, axis=0) - np.log(len(axes)))
             total += min(outliers)
         expected = logsumexp(by_law, axis=0)
-        weights = log_softmax(logsumexp([values[-1] for values in by_law], axis=-1))
-        np.testing.assert_allclose(filters.log_laws[:, track], weights, rtol=2e-3, atol=2e-3)
+        laws = log_softmax(logsumexp([values[-1] for values in by_law], axis=-1))
+        np.testing.assert_allclose(filters.log_laws[:, track], laws, rtol=2e-3, atol=2e-3)
         mine = np.array(ours)[:, track]
         np.testing.assert_allclose(
             mine - mine[:, :1], expected - expected[:, :1], rtol=2e-3, atol=2e-3
