@@ -15,8 +15,8 @@ from hybrid_env import Sensor
     ("worlds", "ticks"),
     [
         pytest.param(12, 5_000, id="quick"),
-        # 10^9 ticks.
-        pytest.param(3300, 310_000, id="study", marks=pytest.mark.study),
+        # 10^8 ticks.
+        pytest.param(330, 310_000, id="study", marks=pytest.mark.study),
     ],
 )
 def test_rows_rewards_and_ends_of_random_worlds(worlds, ticks):
