@@ -37,25 +37,6 @@ def test_the_wheel_has_the_three_packages_only():
     assert packages == {"hybrid_env", "baselines", "agents"}
 
 
-def test_the_version_is_that_of_the_distribution(monkeypatch, capsys):
-    monkeypatch.setattr("sys.argv", ["hybridtrack", "--version"])
-    # No command is loaded.
-    monkeypatch.setattr(console.importlib, "import_module", None)
-
-    assert console.main() == 0
-    assert capsys.readouterr().out == f"hybridtrack {console.metadata.version('hybrid-track')}\n"
-
-
-def test_an_interrupt_while_the_commands_load_is_one_line(monkeypatch, capsys):
-    def interrupt(name):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(console.importlib, "import_module", interrupt)
-
-    assert console.main() == 130
-    assert capsys.readouterr().err == "hybridtrack: interrupted\n"
-
-
 def test_the_help_without_the_extra_of_the_commands_says_how_to_install_it(monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "tyro", None)
     monkeypatch.delitem(sys.modules, "agents.cli", raising=False)

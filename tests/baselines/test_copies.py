@@ -48,6 +48,7 @@ def tracker(options, decider, lag=None):
     return made, lambda tracker, k: (*(now := tracker.update(POINTS[k]))[2:5], now.settled)
 
 
+CLIMBS = "straight, left 5, climb 0.5, descend 0.3"
 QUICKEST = QuickestOptions()
 KINDS = {
     "environment": lambda: environment(gym.make("HybridTrack-v0").unwrapped),
@@ -57,6 +58,10 @@ KINDS = {
     ),
     "quickest modes and noise": lambda: environment(
         gym.make("HybridTrackQuickest-v0", modes=every_mode(), noise=Rounded()).unwrapped
+    ),
+    "climbs": lambda: environment(gym.make("HybridTrack-v0", modes=CLIMBS).unwrapped),
+    "quickest climbs": lambda: environment(
+        gym.make("HybridTrackQuickest-v0", modes=CLIMBS).unwrapped
     ),
     "drawn frames": lambda: environment(
         gym.make("HybridTrackQuickest-v0", render_mode="rgb_array").unwrapped

@@ -8,7 +8,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from hybrid_env import HybridTrackEnv, KalmanBank, Layout
+from hybrid_env import HybridTrackEnv
 
 
 def play(env, policy, seed):
@@ -75,61 +75,6 @@ def test_the_object_follows_its_scheme():
     np.testing.assert_allclose(np.hypot(trace["vx"], trace["vy"]), 1.5)
     heading = np.unwrap(np.arctan2(trace["vy"], trace["vx"]))
     np.testing.assert_allclose(np.diff(heading[[49, 149, 249]]), [3.0, -3.0])
-
-
-@pytest.mark.parametrize(
-    "modes",
-    [{"radii": (2.0, 5.0, 9.0)}, {"modes": "straight, left 2, stop, accelerate 1, right 9"}],
-)
-def test_info_and_observation_equal_those_of_a_separate_bank(modes):
-    R = np.array([0.1, 0.5])
-    env = HybridTrackEnv(measurement_variance=R, reset_covariance=True, **modes)
-    layout = Layout(env.options.hypotheses)
-    observation, info = env.reset(seed=8)
-    bank = KalmanBank(measurement_variance=R, **modes)
-    previous = 0
-    for step in range(150):
-        if info["tick"] == 1:
-            anchor = info["anchor"]
-            heading = np.array([anchor[1], anchor[3]]) / np.hypot(anchor[1], anchor[3])
-            bank.anchor(anchor)
-            previous = info.get("decided_mode", 0)
-        log_likelihood = bank.step(info["measurement"])
-        np.testing.assert_allclose(info["log_likelihood"], log_likelihood, rtol=1e-12)
-        np.testing.assert_allclose(info["estimate"], bank.estimates[previous], rtol=1e-12)
-        variances = np.diagonal(bank.innovation_covariances, axis1=1, axis2=2)
-        white = bank.innovations / np.sqrt(variances)
-        shift = (info["measurement"] - anchor[[0, 2]]) / np.sqrt(np.sqrt(R.prod()))
-        posterior = np.exp(log_likelihood - log_likelihood.max())
-        posterior /= posterior.sum()
-        log_error = np.log(np.delete(posterior, posterior.argmax()).sum())
-        radii = [mode.signed_radius for mode in env.options.all_modes]
-        curvature = np.array([1.0 / radius if radius else 0.0 for radius in radii])
-        way = 0.1 * np.hypot(anchor[1], anchor[3])
-        expected = {
-            "log_ratio": np.maximum(log_likelihood - log_likelihood.max(), -30),
-            "innovation_along": white @ heading,
-            "innovation_across": white @ [-heading[1], heading[0]],
-            "log_variance": np.log(variances / R).mean(1),
-            "previous": np.eye(len(curvature))[previous],
-            "turn_angle": way * curvature,
-            "ticks": info["tick"],
-            "log_error_probability": max(log_error, -30),
-            "speed": way / np.sqrt(np.sqrt(R.prod())),
-            "displacement_along": shift @ heading,
-            "displacement_across": shift @ [-heading[1], heading[0]],
-            "log_noise": 0.0,
-            "measured": 1.0,
-        }
-        for name, value in expected.items():
-            np.testing.assert_allclose(
-                layout.read(observation, name), value, rtol=2e-6, atol=2e-6, err_msg=name
-            )
-        assert env.observation_space.contains(observation)
-        action = 0
-        if step % 40 == 39:
-            action = 1 + int(log_likelihood.argmax())
-        observation, _, _, _, info = env.step(action)
 
 
 def test_a_wrong_radius_is_correct_by_type_and_wrong_by_hypothesis():

@@ -22,6 +22,8 @@ CHECKED = [
     ("HybridTrackPublished-v0", {"missed": 0.1, "sensors": SENSORS}),
     ("HybridTrack-v0", {"missed": 0.9, "bank_info": True}),
     ("HybridTrackQuickest-v0", {"missed": 0.9}),
+    ("HybridTrack-v0", {"modes": "straight, left 5, climb 0.5"}),
+    ("HybridTrackQuickest-v0", {"modes": "straight, left 5, climb 0.5"}),
 ]
 
 

@@ -122,18 +122,6 @@ def compare_infos(mine, other):
             )
 
 
-def test_without_tick_info_the_mask_and_the_decisions_are_left():
-    vector, options = VIEWS["announced"]
-    short, described = (vector(3, tick_info=shown, **options) for shown in (False, True))
-    generator = np.random.default_rng(2)
-    info, full = short.reset(seed=7)[1], described.reset(seed=7)[1]
-    for _ in range(60):
-        assert {"action_mask", "_action_mask"} <= info.keys() <= full.keys() - {"tick"}
-        np.testing.assert_equal(info, {name: full[name] for name in info})
-        actions = random_actions(generator, 3, short.single_action_space.n)
-        info, full = short.step(actions)[4], described.step(actions)[4]
-
-
 def test_disabled_autoreset_resets_only_the_masked_tracks():
     env = HybridTrackVectorEnv(3, autoreset_mode="Disabled", tick_info=True, scheme="S4 S4")
     env.reset(seed=0)

@@ -6,7 +6,6 @@ import shlex
 import pytest
 from small_training import small_recipe
 
-from agents import task_of
 from agents.cli import main
 from agents.training.algorithm import Algorithm
 
@@ -57,11 +56,6 @@ def test_an_interrupted_comparison_goes_on_with_the_same_results(jobs, tmp_path,
     assert main(interrupted) == 0
     whole, again = (tmp_path / name / "compare.json" for name in ("whole", "interrupted"))
     assert again.read_bytes() == whole.read_bytes()
-
-
-@pytest.mark.parametrize("env", ["HybridTrack-v0", "HybridTrackBank-v0", "HybridTrackPublished-v0"])
-def test_announced_switches_have_the_rule_at_once_the_best_rule_and_the_bound(env):
-    assert {"at-once"} < set(task_of(f"hybrid_env:{env}").deciders)
 
 
 def test_a_comparison_shows_the_bound_less_the_best_rule(tmp_path, capsys):

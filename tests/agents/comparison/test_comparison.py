@@ -1,12 +1,7 @@
 """Figures, tables and JSON of a comparison, from scores with given means."""
 
-import json
-
-import numpy as np
 import pytest
 from given_scores import ANNOUNCED, UNKNOWN, announced_scores, comparison, unknown_scores
-
-from agents.interface.output_files import write_json
 
 ATE = announced_scores("ATE (SPRT)", [0.7, 0.9, 0.96, 0.985], [15, 20, 26, 32])
 PPO = announced_scores("ppo", [0.6, 0.95, 0.99, 1.0], [5, 12, 16, 30])
@@ -16,16 +11,6 @@ IMM = unknown_scores(
 BEAM = unknown_scores("beam", [15.0, 7.0, 3.0, 0.7], [11, 13, 15, 19], [0.71, 0.76, 0.78, 0.75])
 CUSUM = unknown_scores("CUSUM", [40.0, 20.0, 6.0, 3.0], [13, 15, 19, 30], [0.5, 0.6, 0.7, 0.68])
 UNKNOWN_RESULT = comparison(UNKNOWN, IMM, BEAM, CUSUM)
-
-
-def test_training_seeds_are_one_curve():
-    seeds = [
-        announced_scores(f"ppo seed {k}", [0.6, 0.95, 0.99, 1.0], np.array([5, 12, 16, 30]) + k)
-        for k in range(3)
-    ]
-    result = comparison(ANNOUNCED, ATE, *seeds, agents=3)
-
-    assert {key: len(group) for key, group in result.seed_groups.items()} == {ATE.name: 1, "ppo": 3}
 
 
 def test_differences_are_to_the_best_rule_and_ratios_to_the_first():
@@ -51,19 +36,3 @@ def test_the_error_at_the_time_of_the_reference_is_interpolated():
     assert ppo["ticks_at_95"].value == pytest.approx(12.0)
     paired = result.against["ppo"]
     assert paired["ticks_at_98"].value == pytest.approx((12 + 4 * 0.75) - (26 + 6 * 0.8))
-
-
-def test_json_has_every_figure_and_null_where_one_is_undefined(tmp_path):
-    write_json(tmp_path / "compare.json", UNKNOWN_RESULT.as_json())
-    data = json.loads((tmp_path / "compare.json").read_text())
-    assert data["best_rule"] == UNKNOWN_RESULT.best_rule.name
-    for entry, row in zip(UNKNOWN_RESULT.entries, data["deciders"], strict=True):
-        assert row["name"] == entry.name
-        assert row["curve"]["thresholds"] == list(entry.scores.thresholds)
-        for metric in UNKNOWN_RESULT.plan.task.metrics:
-            value = row["curve"][metric.name][entry.chosen]
-            assert row[metric.name]["value"] == (None if value is None else pytest.approx(value))
-        assert (row["reward_less_best_rule"] is None) == (entry is UNKNOWN_RESULT.best_rule)
-    first, _, last = (row["full_delay_at_equal_wrong_changes"] for row in data["deciders"])
-    assert first["value"] == pytest.approx(16.0 + 8.0 / 3.0)
-    assert last == {"value": None, "low": None, "high": None}

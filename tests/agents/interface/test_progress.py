@@ -5,7 +5,7 @@ import threading
 
 from rich.console import Console
 
-from agents.interface.progress import Report, calls_shown, progress_display
+from agents.interface.progress import Report, progress_display
 
 
 def test_lines_say_what_runs_and_the_time_left(capsys):
@@ -20,17 +20,6 @@ def test_lines_say_what_runs_and_the_time_left(capsys):
     display.print_lines(lambda seconds: next(waits))
 
     assert capsys.readouterr().err == "0:01:00 Scoring ATE: 50 %, 0:01:00 left, tick 7\n"
-
-
-def test_calls_are_one_bar_with_the_labels_of_those_that_run():
-    display = progress_display(Console(file=io.StringIO()))
-    with calls_shown(display, "Comparing 3 deciders", 3) as reports:
-        reports[0]("Training ppo", 0.5)
-        reports[1]("Scoring ATE", 0.25)
-        reports[2]("", 1.0)
-
-    assert display.line().startswith("0:00:00 Comparing 3 deciders: 58 %")
-    assert display.line().endswith("Training ppo; Scoring ATE")
 
 
 def test_what_is_read_while_a_call_reports_is_never_half_a_line(tmp_path):

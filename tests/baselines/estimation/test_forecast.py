@@ -114,17 +114,6 @@ def test_ellipses_of_the_stated_mode_hold_as_much_as_they_state(name, mode, kind
         assert low < share < high
 
 
-def test_the_doubt_about_the_mode_is_in_the_ellipse():
-    world = OBJECTS["car"]
-    track = TurnTracks(QuickestOptions(radii=(200,), speed=20, tau=1, measurement_variance=4))
-    track.begin(np.array(world.start), np.diag([4.0, 0.1, 4.0, 0.1]))
-    for point in world.simulate(1, 3, "S", (20,)).measurements[0]:
-        track.measure(point)
-        track.decide(0)
-    mixed, stated = (track.forecast([5.0], stated)[1][0] for stated in (False, True))
-    assert np.linalg.det(mixed) > 1.2 * np.linalg.det(stated)
-
-
 @pytest.mark.parametrize(
     ("name", "value"),
     [

@@ -4,12 +4,10 @@ from datetime import date, datetime
 
 import numpy as np
 import pytest
-from matrix_filters import LiteralImm, MatrixExtendedKalmanFilter
-from scipy.special import softmax
 
-from baselines import CusumDecider, FixedTimeDecider, OnlineTracker, ThresholdDecider
+from baselines import CusumDecider, OnlineTracker, ThresholdDecider
 from baselines.recordings.projection import Projection
-from hybrid_env import QuickestOptions, WorldOptions
+from hybrid_env import QuickestOptions
 from hybrid_env.checks import ArgumentError
 
 START = [0.0, 2.0, 0.0, 0.3]
@@ -28,49 +26,6 @@ def assert_same(estimate, other):
     assert (estimate.mode, estimate.decided) == (other.mode, other.decided)
     for mine, theirs in zip(estimate[2:5], other[2:5], strict=True):
         np.testing.assert_array_equal(mine, theirs)
-
-
-def test_missing_measurements_are_predicted_by_the_interacting_multiple_model():
-    options = QuickestOptions(radii=(2.0, 9.0), measurement_variance=(0.1, 0.3), hazard=0.1)
-    tracker = OnlineTracker(options, ThresholdDecider())
-    tracker.begin(START, P)
-    curvatures = [0.0, 0.5, 1 / 9, -0.5, -1 / 9]
-    literal = LiteralImm(START, P, curvatures, options.transition_matrix, 0.1, 0.001, (0.1, 0.3))
-    for k, point in enumerate(measurements(40)):
-        missing = k in {6, 10, 11, 12, 20}
-        literal.step(None if missing else point)
-        # Several are told by the time of the next one.
-        if k in {10, 11, 12}:
-            continue
-        now = tracker.update(None if missing else point, 0.1 * k)
-        np.testing.assert_allclose(now.probabilities, literal.probability, rtol=1e-8)
-        np.testing.assert_allclose(now.estimate, literal.estimate, rtol=1e-9, atol=1e-11)
-        np.testing.assert_allclose(now.covariance, literal.covariance, rtol=1e-8, atol=1e-10)
-
-
-@pytest.mark.parametrize("declared", [False, True])
-def test_missing_measurements_are_predicted_by_the_filters_of_a_segment(declared):
-    tracker = OnlineTracker(
-        WorldOptions(bank="anchor_aware"), FixedTimeDecider(4 if declared else 1000)
-    )
-    tracker.begin(START, P, mode=1)
-    filters = [
-        MatrixExtendedKalmanFilter(START, P, radius, 0.1, 0.001, (0.1, 0.1))
-        for radius in (0.0, 5.0, -5.0)
-    ]
-    for k, point in enumerate(measurements(25)):
-        missing = k in {2, 7, 8, 24}
-        for kalman in filters:
-            kalman.step(None if missing else point)
-        now = tracker.update(None if missing else point)
-        # At tick 4, also after missing ones.
-        assert now.decided == (declared and k >= 3)
-        kalman = filters[now.mode]
-        np.testing.assert_allclose(now.estimate, kalman.s[:4], rtol=1e-6, atol=1e-8)
-        np.testing.assert_allclose(now.covariance, kalman.P[:4, :4], rtol=1e-5, atol=1e-8)
-        if k <= 3 or not declared:
-            expected = softmax([kalman.log_likelihood for kalman in filters])
-        np.testing.assert_allclose(now.probabilities, expected, rtol=1e-5)
 
 
 def test_a_position_is_used_at_its_time_however_the_clock_jitters():

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from baselines import smooth_modes
-from baselines.rules.begins import find_brakes
 from baselines.rules.hindsight import choose_modes
 from hybrid_env import QuickestOptions, simulate
 from hybrid_env.checks import ArgumentError
@@ -91,24 +90,6 @@ def test_switches_that_are_known_are_the_only_ones():
     assert (result.moments == result.pieces[:, [0, 0]]).all()
 
 
-def test_nothing_depends_on_units():
-    z = seen("S70 L60r5 R70r5", 6)
-    length, second = 1e3, 60.0
-    options = QuickestOptions(
-        measurement_variance=0.01 * length**2,
-        process_variance=OPTIONS.process_variance * (length / second) ** 2,
-        radii=(5.0 * length,),
-        speed=2.0 * length / second,
-        tau=0.1 * second,
-        durations="geometric 60",
-        start="random",
-    )
-    mine, other = smooth_modes(z, OPTIONS), smooth_modes(length * z, options)
-    assert (mine.pieces == other.pieces).all()
-    units = length * np.array([1.0, 1.0 / second, 1.0, 1.0 / second])
-    np.testing.assert_allclose(other.estimates / units, mine.estimates, atol=1e-6)
-
-
 def test_an_outlier_is_no_switch_with_a_robust_likelihood():
     clean = seen("S120", 7)
     z = clean.copy()
@@ -143,13 +124,3 @@ def test_covariances_without_a_sensor_to_read_them_are_refused():
     values[:, :5] = [0.0, 0.0, 1.0, 0.0, 1.0]
     with pytest.raises(ArgumentError, match="measurements"):
         smooth_modes(values, OPTIONS)
-
-
-def test_a_stop_that_begins_early_leaves_no_piece_that_begins_after_it():
-    pieces = np.array([[0, 10, 0], [10, 20, 1], [20, 30, 0], [30, 40, 2]])
-    # As fast as usual in the first piece up to tick 12, in the second up to 22, then up to 29.
-    speeds = np.repeat([10.0, 6.0, 4.0, 0.0], [13, 10, 7, 10])
-    stands = np.array([False, False, True])
-    of_both = np.stack([speeds, np.full(40, 0.01)], axis=1)
-    begins, kept = find_brakes(pieces, stands, of_both, short=100.0)
-    assert begins[kept].tolist() == [0, 10, 13]

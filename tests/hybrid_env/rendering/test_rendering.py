@@ -85,16 +85,6 @@ def test_the_evidence_is_the_log_likelihood_ratio_until_the_decision():
     np.testing.assert_array_equal(env.history.evidence[: len(expected)], expected)
 
 
-def test_a_curve_joins_the_decisions_of_a_segment_and_ends_with_the_last():
-    env = make(decide_every=5, scheme="S20 L20r5")
-    env.reset(seed=0)
-    env.step(0)
-    env.step(1)
-
-    assert env.history.drawn.tolist() == [4, 9, 19, 24]
-    assert env.options.most_ticks == 40
-
-
 KINDS = {
     "announced": (
         HybridTrackVectorEnv,

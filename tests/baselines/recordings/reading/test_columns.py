@@ -69,18 +69,6 @@ def test_names_of_objects(read, frame, column, names):
     assert [one.name for one in read(frame, object_column=column).recordings] == names
 
 
-def test_unmarked_objects_without_a_word_in_the_times(read, read_one):
-    advice = "--object the column that tells them apart, or --object none"
-    interleaved = TWO.sort_values("t", kind="stable").assign(t=np.arange(2.0 * ROWS))[
-        ["t", "x", "y"]
-    ]
-    interleaved[["x", "y"]] += np.random.default_rng(0).normal(0.0, 0.5, (2 * ROWS, 2))
-    with pytest.raises(ArgumentError, match=rf"rows alternate between places.*{advice}"):
-        read(interleaved)
-
-    assert len(read_one(interleaved, object_column="none").times) == 2 * ROWS
-
-
 @pytest.mark.parametrize(("scale", "step"), [(1e-3, 0.0), (1.0, 0.1), (1e6, 3.0)])
 def test_one_object_is_not_taken_for_two(read_one, step, scale):
     generator = np.random.default_rng(1)
