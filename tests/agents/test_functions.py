@@ -65,10 +65,7 @@ def test_compare_takes_names_and_functions():
 @pytest.mark.parametrize(
     "function",
     [
-        functools.partial(agents.compare, ["ate"]),
         functools.partial(agents.evaluate, "ate"),
-        functools.partial(agents.load, "ate"),
-        functools.partial(agents.train, "ppo"),
         functools.partial(agents.track_recording, None, np.zeros((5, 2))),
         functools.partial(agents.as_vec_env, "HybridTrack-v0", 2),
     ],

@@ -2,8 +2,6 @@
 definitions.
 """
 
-import math
-
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -53,28 +51,6 @@ def test_waiting_on_the_last_tick_forces_a_decision_for_the_most_likely_hypothes
         assert info["forced"]
         assert info["ticks"] == info["decided_length"]
         assert info["decided_mode"] == infos[k - 1]["log_likelihood"].argmax()
-
-
-def test_the_object_follows_its_scheme():
-    env = HybridTrackEnv(
-        render_mode="rgb_array",
-        scheme="S50 L100r5 R100r5",
-        process_variance=0.0,
-        heading=0.5,
-        speed=1.5,
-    )
-    env.reset(seed=0)
-    terminated = False
-    while not terminated:
-        terminated = env.step(0)[2]
-    history = env.history
-    trace = {name: history.column(name) for name in ("x", "vx", "vy")}
-
-    assert len(history.trace) == 250
-    np.testing.assert_allclose(trace["x"][49], 50 * 0.1 * 1.5 * math.cos(0.5))
-    np.testing.assert_allclose(np.hypot(trace["vx"], trace["vy"]), 1.5)
-    heading = np.unwrap(np.arctan2(trace["vy"], trace["vx"]))
-    np.testing.assert_allclose(np.diff(heading[[49, 149, 249]]), [3.0, -3.0])
 
 
 def test_a_wrong_radius_is_correct_by_type_and_wrong_by_hypothesis():

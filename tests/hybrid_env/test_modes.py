@@ -185,36 +185,26 @@ def test_matrices_that_are_not_allowed_are_refused_in_one_line(name, given):
     assert refused(LinearMode, **given).startswith(f"{name}=")
 
 
+@dataclass(frozen=True)
 class Wrong(Halt):
-    """A mode whose matrices do not fit together."""
+    """A mode whose matrices are not those of a mode."""
+
+    kind: str = ""
 
     def matrices(self, tau):
-        """Return F of three states."""
-        return np.eye(3), np.zeros(4), None
-
-
-class Absent(Halt):
-    """A mode whose matrices are forgotten."""
-
-    def matrices(self, tau):
-        """Return nothing."""
-
-
-class Failing(Halt):
-    """A mode whose matrices cannot be computed."""
-
-    def matrices(self, tau):
-        """Divide by zero."""
-        return tau / 0.0
+        """Return F of three states, nothing, or fail."""
+        if self.kind == "three":
+            return np.eye(3), np.zeros(4), None
+        return tau / 0.0 if self.kind == "fails" else None
 
 
 @pytest.mark.parametrize(
-    ("mode", "reason"),
-    [(Wrong(), "not (3, 3)"), (Absent(), "NoneType"), (Failing(), "division by zero")],
+    ("kind", "reason"),
+    [("three", "not (3, 3)"), ("none", "NoneType"), ("fails", "division by zero")],
 )
-def test_matrices_of_a_class_are_checked_too(mode, reason):
-    message = refused(HybridTrackEnv, modes=(Straight(), mode))
-    assert message.startswith(f"modes='{mode.name}'")
+def test_matrices_of_a_class_are_checked_too(kind, reason):
+    message = refused(HybridTrackEnv, modes=(Straight(), Wrong(kind)))
+    assert message.startswith("modes='wrong")
     assert reason in message
 
 

@@ -2,11 +2,9 @@
 
 import numpy as np
 import pytest
-import torch
 
 from agents.evaluation.registry import load_decider
-from agents.learned.policy import Actor, PolicyDecider
-from hybrid_env import HybridTrackVectorEnv, Layout
+from hybrid_env import HybridTrackVectorEnv
 
 RADII = (3.0, 5.0, 8.0)
 TRACKS = 30
@@ -44,18 +42,3 @@ def test_a_decider_declares_the_mode_whose_evidence_reaches_the_threshold(name):
         declared += len(chosen)
 
     assert declared > 20
-
-
-def test_a_policy_declares_when_its_log_odds_exceed_the_threshold():
-    width = Layout(7).width
-    torch.manual_seed(0)
-    decider = PolicyDecider(
-        Actor(torch.nn.Linear(width, 8), width, 8), make_env().options.types, 0.001
-    )
-    for _, chosen, values in ticks_of(make_env(), decider):
-        np.testing.assert_array_equal(
-            chosen > 0, values.max(axis=1) > decider.panel().thresholds[""]
-        )
-        np.testing.assert_array_equal(
-            values[chosen > 0, chosen[chosen > 0] - 1], values[chosen > 0].max(axis=1)
-        )

@@ -14,7 +14,6 @@ from baselines.recordings.reading.read import read_recordings
 from baselines.rules.external import as_decider
 from baselines.rules.rollout import record_decisions
 from baselines.scoring.timelines import NO_MODE
-from hybrid_env.checks import ArgumentError
 
 # fixed:5 waits for four ticks of each segment and declares at the fifth.
 STEPS = 10
@@ -33,10 +32,6 @@ class Decider:
         if self.calls == self.step:
             self.act()
         return np.zeros(len(observation), np.int64), state
-
-
-def fail():
-    raise RuntimeError("decider failed")
 
 
 def play(env=DECLARED, **arguments):
@@ -69,17 +64,6 @@ def test_the_recording_contains_every_measurement_with_its_time(tmp_path, env_id
     [recording] = read_recordings(tmp_path / "episode.csv").recordings
     np.testing.assert_array_equal(recording.positions, measured)
     np.testing.assert_allclose(recording.times, tau * np.arange(1, len(measured) + 1))
-
-
-def test_an_error_during_the_episode_keeps_the_old_file_and_leaves_no_other(tmp_path, monkeypatch):
-    name = "episode.gif"
-    use(monkeypatch, Decider(4, fail))
-    (tmp_path / name).write_bytes(b"old")
-    with pytest.raises(ArgumentError, match=r"failed in .*decider failed"):
-        play(out=tmp_path / name, record=tmp_path / "episode.csv")
-
-    assert [path.name for path in tmp_path.iterdir()] == [name]
-    assert (tmp_path / name).read_bytes() == b"old"
 
 
 def test_closing_the_window_ends_the_command(monkeypatch):

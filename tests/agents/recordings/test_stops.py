@@ -1,11 +1,9 @@
 """Objects that stand for a while, and recordings with modes of the user."""
 
-import json
-
 import numpy as np
 import pandas as pd
 import pytest
-from recorded_tracks import directions, follow, write_recording
+from recorded_tracks import directions, write_recording
 
 from agents.cli import main
 from agents.interface.output_files import write_json
@@ -17,35 +15,25 @@ from baselines.recordings.ticks import tick_grid
 from hybrid_env.checks import ArgumentError
 from hybrid_env.modes import LinearMode
 
-# Speed, tick, deviation of the noise, smallest share of right rows, and parts: mode, ticks, and
-# radius of a turn, or change of the heading before the part [rad].
+# Speed, tick, deviation of the noise, smallest shares of right rows and of those of stops, and
+# parts: mode, ticks, and radius of a turn, or change of the heading before the part [rad].
+TRIP = [("S", 30, 0.0), ("L", 30, 10.0), ("S", 20, 0.0), ("stop", 5, 0.0), ("S", 20, -1.0)]
 OBJECTS = {
     "walker": (
-        1.4,
-        1.0,
-        0.5,
-        0.9,
+        *(1.4, 1.0, 0.5, 0.9, 0.95),
         [("S", 100, 0.0), ("stop", 90, 0.0), ("S", 80, 2.0), ("L", 40, 10.0), ("stop", 60, 0.0)],
     ),
+    "short stops": (1.4, 1.0, 0.5, 0.65, 0.7, 4 * TRIP),
     "robot": (
-        0.5,
-        0.1,
-        0.02,
-        0.95,
+        *(0.5, 0.1, 0.02, 0.95, 0.95),
         [("S", 200, 0.0), ("stop", 600, 0.0), ("L", 100, 1.0), ("S", 200, 0.0)],
     ),
     "ship": (
-        5.0,
-        10.0,
-        10.0,
-        0.95,
+        *(5.0, 10.0, 10.0, 0.95, 0.95),
         [("S", 120, 0.0), ("stop", 300, 0.0), ("S", 100, 1.0), ("R", 60, 800.0), ("S", 90, 0.0)],
     ),
     "at first": (
-        1.2,
-        1.0,
-        0.3,
-        0.9,
+        *(1.2, 1.0, 0.3, 0.9, 0.95),
         [("stop", 80, 0.0), ("S", 100, 0.0), ("L", 40, 8.0), ("S", 80, 0.0)],
     ),
 }
@@ -88,7 +76,7 @@ def glide(modes, speed, radius, share):
 
 def recorded(name, seed=1):
     """Return times, measured positions and modes of an object."""
-    speed, tau, deviation, _, parts = OBJECTS[name]
+    speed, tau, deviation, *_, parts = OBJECTS[name]
     positions, modes = travel(parts, speed * tau)
     noise = np.random.default_rng(seed).normal(0.0, deviation, positions.shape)
     return tau * np.arange(len(modes)), positions + noise, modes
@@ -103,32 +91,14 @@ def test_stops_are_found(name):
 
     letters, radii = tracked.of_modes(tracked.modes)
     assert tracked.mode_names() == ["S", "L", "R", "stop"]
-    assert np.mean(letters == modes) > OBJECTS[name][3]
-    assert np.mean((letters == "stop")[modes == "stop"]) > 0.95
+    least, least_of_stops = OBJECTS[name][3:5]
+    assert np.mean(letters == modes) > least
+    assert np.mean((letters == "stop")[modes == "stop"]) > least_of_stops
     stands = (letters == "stop") & tracked.decided
     assert (tracked.turns[stands, :2] == 0.0).all()
     assert np.isnan(radii[stands]).all()
     assert tracked.standing == 0
     assert "modes" in tracked.model.estimated
-
-
-@pytest.mark.parametrize(("name", "ticks"), [("walker", 5), ("robot", 10), ("ship", 20)])
-def test_short_stops_are_found(name, ticks):
-    """Also by a sensor that is off for a while after every 60 rows, so that pieces are short."""
-    speed, tau, deviation, _, parts = OBJECTS[name]
-    radius = max(value for mode, _, value in parts if mode in "LR")
-    round_trip = [("S", 30, 0.0), ("L", 30, radius), ("S", 20, 0.0), ("stop", ticks, 0.0)]
-    positions, modes = travel(4 * [*round_trip, ("S", 20, -1.0)], speed * tau)
-    positions += np.random.default_rng(5).normal(0.0, deviation, positions.shape)
-    rows = np.arange(len(modes))
-
-    for times in (rows, rows + 100 * (rows // 60)):
-        tracked = track_recording(tau * times, positions)
-
-        letters, _ = tracked.of_modes(tracked.modes)
-        assert tracked.mode_names() == ["S", "L", "R", "stop"]
-        assert np.mean(letters == modes) > 0.65
-        assert np.mean((letters == "stop")[modes == "stop"]) > 0.7
 
 
 @pytest.mark.parametrize("kind", ["varies", "turns back"])
@@ -149,16 +119,6 @@ def test_an_object_that_is_slow_for_a_moment_does_not_stop(kind):
     assert track_recording(None, positions).mode_names() == ["S", "L", "R"]
 
 
-@pytest.mark.parametrize("scale", [1e-3, 1e3])
-def test_stops_do_not_depend_on_the_units(scale):
-    times, positions, _ = recorded("walker")
-
-    modes = [track_recording(of * times, scale * positions).modes for of in (1.0, 60.0)]
-
-    assert (modes[0] == track_recording(times, positions).modes).all()
-    assert (modes[0] == modes[1]).all()
-
-
 def test_a_decider_of_turns_leaves_the_stops_out():
     """It states no mode there, and goes on after each stop."""
     times, positions, _ = recorded("robot")
@@ -170,31 +130,6 @@ def test_a_decider_of_turns_leaves_the_stops_out():
     assert len(tracked.grid.pieces) == 2
     known = tracked.modes >= 0
     assert known.sum() == len(times) - tracked.standing
-
-
-def test_a_live_tracker_states_the_stops_of_the_file(tmp_path, capsys):
-    """The command writes the mode to all files; the tracker of track.json states it live."""
-    times, positions, _ = recorded("walker")
-    file = write_recording(tmp_path / "walk.csv", times, positions)
-
-    assert main(["track", str(file), "--live"]) == 0
-
-    printed = capsys.readouterr().out
-    assert "modes S, L, R, stop" in " ".join(printed.split())
-    rows = pd.read_csv(tmp_path / "walk_track" / "estimates.csv")
-    settings = json.loads((tmp_path / "walk_track" / "track.json").read_text())
-    assert settings["modes"][-1] == "stop"
-    tracker = OnlineTracker.from_recording(tmp_path / "walk_track" / "track.json")
-    live = follow(tracker, times, positions)
-    stated = np.array([tracker.mode_names[now.mode] for now in live])
-    decided = np.array([now.decided for now in live])
-    assert (stated == rows["mode"])[decided].all()
-    np.testing.assert_allclose(
-        [now.estimate for now in live][-1], rows.filter(regex="^estimate").iloc[-1]
-    )
-    # The object stands: it is expected where it is.
-    means, _ = tracker.forecast([30.0], stated=True)
-    assert np.hypot(*(means[0] - positions[-20:].mean(0))) < 0.5
 
 
 def test_modes_may_be_given(tmp_path, capsys):
@@ -228,15 +163,12 @@ def test_a_recording_of_an_oscillator_is_tracked_by_linear_modes(tmp_path):
         positions.append(state[::2])
     measured = 1e3 * (np.array(positions) + rng.normal(0.0, 0.1, (len(truth), 2)))
 
-    whole = track_recording(None, measured, modes=modes)
     tracked = track_recording(None, measured, modes=modes, live=True)
 
     assert tracked.mode_names() == ["fast", "slow"]
     assert np.mean(tracked.modes == truth) > 0.9
-    assert np.mean(whole.modes == truth) > 0.98
     write_json(tmp_path / "track.json", tracked.settings())
     tracker = OnlineTracker.from_recording(tmp_path / "track.json")
-    assert tracker.options == OnlineTracker.from_recording(tracked).options
     live = [tracker.update(point) for point in measured]
     np.testing.assert_allclose(live[-1].estimate, tracked.estimates[-1])
     assert [now.mode for now in live[-50:]] == tracked.modes[-50:].tolist()
@@ -291,11 +223,3 @@ def test_a_live_stop_is_stated_while_the_object_slows_down(length, tau):
     # Of the speed 5 % are left after 30 ticks.
     assert np.mean(delays) < 15
     assert (letters == truth).mean() > 0.85
-
-    live = OnlineTracker.from_recording(tracked)
-    assert live.mode_names == tracked.mode_names()
-    known = follow(live, tau * np.arange(len(truth)), measured)
-    assert (
-        np.mean([now.mode == mode for now, mode in zip(known, tracked.modes, strict=True)]) > 0.99
-    )
-    assert known[150].probabilities.shape == (4,)

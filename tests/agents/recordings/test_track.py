@@ -11,10 +11,9 @@ from recorded_tracks import OBJECTS, write_recording
 
 from agents.cli import main
 from agents.commands import track
-from agents.commands.track import Track, object_folders, work_on_files
+from agents.commands.track import Track, object_folders
 from agents.recordings.tracking import track_recording
 from baselines.recordings.reading.modes import read_modes
-from hybrid_env.checks import ArgumentError, reject
 
 
 @pytest.fixture
@@ -135,27 +134,6 @@ def test_each_object_has_its_own_folder(tmp_path):
     assert {path.name for path in (tmp_path / "ships_track").iterdir()} == {"211_a", "211"}
     names = [path.name for path in object_folders(tmp_path, ["..", "a/b", "a:b"])]
     assert names == ["1", "a_b", "a_b_3"]
-
-
-def work(path, folder):
-    if path.name == "b":
-        raise reject("file", path.name, "another one")
-    if path.name == "c":
-        raise OSError(28, "No space left on device")
-    return [f"{path.name} in {folder.name}"], [], ""
-
-
-def test_every_file_is_worked_on_whatever_happens_to_the_others(tmp_path, capsys):
-    paths = [tmp_path / name for name in "abcd"]
-    with pytest.raises(ArgumentError, match="2 of 4 files could not be tracked"):
-        work_on_files(work, paths, paths, jobs=1)
-
-    *lines, last = capsys.readouterr().out.splitlines()
-    assert lines == ["a in a", "d in d"]
-    assert str(tmp_path) in last
-    with pytest.raises(ArgumentError, match="none of the 2 files could be tracked"):
-        work_on_files(work, paths[1:3], paths[1:3], jobs=1)
-    assert capsys.readouterr().out == ""
 
 
 def test_names_are_no_formulas_of_a_spreadsheet_and_are_xml(tmp_path):

@@ -4,22 +4,12 @@ import numpy as np
 import pytest
 from recorded_tracks import LENGTHS, OBJECTS, PIECES, TRUE_MODES, drive
 
-from agents.evaluation.registry import load_decider
-from agents.recordings.tracking import TrackingArguments, track_recording
-from baselines import rollout
-from baselines.recordings.imm_pass import TrackModel
-from hybrid_env import HybridTrackQuickestVectorEnv
-from hybrid_env.checks import ArgumentError
+from agents.recordings.tracking import track_recording
 from hybrid_env.simulation import simulate
 
 CAR = OBJECTS["car"]
 TRUE = np.repeat([2, 1, 0, 1], PIECES)
 TIMES, DRIVE = drive()
-
-
-def true_model(target):
-    variances = target.measurement_variance, target.process_variance
-    return TrackModel((target.radius,), *variances, 75.0, target.speed, target.tau)
 
 
 @pytest.mark.parametrize(
@@ -39,50 +29,6 @@ def test_pieces_of_known_lengths_are_right_at_any_scale(name, runs, seed, least)
         for run in target.simulate(runs, seed).measurements
     ]
     assert np.mean(right) >= least
-
-
-def agreement(target, decider, tracks, seed):
-    """Share of right ticks of a decider in the environment, and on recordings of its
-    measurements.
-    """
-    model = true_model(target)
-    env = HybridTrackQuickestVectorEnv(
-        tracks, autoreset_mode="Disabled", tick_info=False, start="random", **model.options()
-    )
-    rule = load_decider(decider, env.options)
-    ticks, measured, true, stated, right = env.options.ticks, [], [], [], []
-    for now in rollout(env, rule, seed):
-        if now.step:
-            stated.append(now.actions)
-        if now.step == ticks:
-            break
-        measured.append(env.world.field("measurement").copy())
-        true.append(env.world.field("true_mode").copy())
-    measured, true, stated = map(np.array, (measured, true, stated))
-    for k in range(tracks):
-        points = measured[:, k] / model.scales[0]
-        tracked = track_recording(target.times(ticks), points, decider=decider, live=True)
-        turns = 1 + (tracked.modes > len(tracked.model.radii))
-        right.append((np.where(tracked.modes == 0, 0, turns) == true[:, k]).mean())
-    return (stated == true).mean(), np.mean(right)
-
-
-@pytest.mark.parametrize(
-    ("name", "decider", "tracks", "seed", "chance"),
-    # Paired, on the same measurements: the difference of a track has a standard deviation of about
-    # 0.03.
-    [
-        ("car", "steady", 4, 5, 3.0 * 0.03 / np.sqrt(4)),
-        *(
-            pytest.param(name, decider, 20, 11, 0.0, marks=pytest.mark.study)
-            for name in OBJECTS
-            for decider in ("steady", "beam")
-        ),
-    ],
-)
-def test_unknown_lengths_are_as_in_the_environment(name, decider, tracks, seed, chance):
-    of_env, of_recording = agreement(OBJECTS[name], decider, tracks, seed)
-    assert of_recording > of_env - 0.02 - chance
 
 
 @pytest.mark.parametrize("name", ["walker", "ship"])
@@ -175,8 +121,3 @@ def test_very_short_recordings_have_results(rows, options):
     assert ((tracked.modes >= 0) & (tracked.modes < tracked.probabilities.shape[1])).all()
     assert np.isfinite(tracked.estimates[-1]).all()
     assert "cannot be checked" in tracked.warnings[0]
-
-
-def test_a_recording_refuses_climbs_in_one_line():
-    with pytest.raises(ArgumentError, match=r"^modes='straight, climb 5'.*modes of the plane$"):
-        TrackingArguments(modes="straight, climb 5").check_tracking()

@@ -1,15 +1,12 @@
 """Heights of a live sensor: literal filters, a helix, and what a tracker of the plane does too."""
 
-import copy
-import pickle
-
 import numpy as np
 import pytest
 from hostile_input import refused
 from matrix_filters import LiteralImm, merged
 
-from baselines import FixedTimeDecider, OnlineTracker, ThresholdDecider
-from hybrid_env import QuickestOptions, WorldOptions
+from baselines import OnlineTracker, ThresholdDecider
+from hybrid_env import QuickestOptions
 
 OPTIONS = {
     "speed": 50.0,
@@ -108,37 +105,6 @@ def test_a_helix_is_three_pieces_with_their_climb_rates_beside_the_same_plane(me
         half = slice(120 * k + 60, 120 * k + 120)
         assert np.mean(rates[half]) == pytest.approx(rate, rel=0.05)
         assert np.mean(np.array(modes[half]) == (1 if rate > 0 else 2)) > 0.95
-
-
-def test_level_heights_have_no_rate():
-    tracker = tracker_of()
-    told = [tracker.update(point).height for point in helix((0.0,), 300)]
-    assert [each.mode for each in told[50:]] == [0] * 250
-    rates = np.array([each.estimate[1] for each in told[50:]])
-    assert np.abs(rates).max() < 1.0
-
-
-def test_copies_go_on_alike_and_a_new_track_forgets_the_height():
-    points = helix()
-    tracker = tracker_of()
-    for point in points[:50]:
-        tracker.update(point)
-    copies = [copy.deepcopy(tracker), pickle.loads(pickle.dumps(tracker))]
-    for point in points[50:60]:
-        expected = tracker.update(point)
-        for each in copies:
-            np.testing.assert_equal(each.update(point), expected)
-    assert tracker.update(points[60, :2]).height is None
-    tracker.begin()
-    now = tracker.update((*points[61, :2], np.nan)).height
-    assert np.isnan(now.estimate).all()
-    assert now.status == "missing"
-
-
-def test_announced_switches_are_those_of_the_plane():
-    tracker = OnlineTracker(WorldOptions(**RADII, **OPTIONS), FixedTimeDecider(1000))
-    told = [tracker.update(point).height for point in helix((8.0,))]
-    assert [each.mode for each in told[20:]] == [1] * 100
 
 
 @pytest.mark.parametrize("height", [np.inf, 1e300, "up", None])

@@ -1,12 +1,11 @@
 """The on-line tracker: times, missing measurements and the first statement."""
 
-from datetime import date, datetime
+from datetime import date
 
 import numpy as np
 import pytest
 
 from baselines import CusumDecider, OnlineTracker, ThresholdDecider
-from baselines.recordings.projection import Projection
 from hybrid_env import QuickestOptions
 from hybrid_env.checks import ArgumentError
 
@@ -77,33 +76,6 @@ def test_what_a_sensor_sends_is_never_an_error():
     # A stale source sends the last position for as long as it has no other one.
     assert tracker.update(points[132], 13.3).status == "repeated"
     assert tracker.update(points[134], 13.4).status == "used"
-    # A clock that is set back by an hour, and one that is set forward by a day.
-    for start, late in ((-3600.0, OnlineTracker.patience - 1), (86400.0, 0)):
-        status = [tracker.update(points[k], start + 0.1 * k).status for k in range(140, 160)]
-        assert status == ["dropped"] * late + ["begun"] + ["used"] * (19 - late)
-    np.testing.assert_allclose(now_at(tracker), points[159], atol=1.0)
-
-
-def now_at(tracker):
-    return tracker.update(None).estimate[::2]
-
-
-def test_latitude_and_longitude_go_in_and_come_out():
-    projection = Projection(-33.9, 179.999)
-    options = QuickestOptions(radii=(200.0,), measurement_variance=4.0, speed=20.0, tau=1.0)
-    tracker, plane = (
-        OnlineTracker(options, ThresholdDecider(), projection=place) for place in (projection, None)
-    )
-    for k in range(60):
-        x, y = 20.0 * k - 600.0, 5.0 * np.sin(k)
-        latitude, longitude = projection.inverse(x, y)
-        now = tracker.update((latitude, longitude), k)
-        expected = plane.update((x, y), k)
-        assert now.mode == expected.mode
-        np.testing.assert_allclose(now.estimate, expected.estimate, atol=1e-5)
-        np.testing.assert_allclose(projection.forward(*now.position), expected.position, atol=1e-5)
-    # It has crossed the longitude 180.
-    assert longitude < 0.0
 
 
 @pytest.mark.parametrize("threshold", [0.8, 1.0])
@@ -119,28 +91,11 @@ def test_a_statement_is_decided_from_the_first_crossing_of_the_threshold_on(thre
     assert not decided[0]
 
 
-@pytest.mark.parametrize(
-    "time",
-    [
-        "12:00",
-        "3.5",
-        b"1",
-        True,
-        10**400,
-        date(2024, 5, 1),
-        datetime.min,
-        np.timedelta64(1, "s"),
-        [1.0],
-        1j,
-    ],
-    ids=range(10),
-)
+@pytest.mark.parametrize("time", ["12:00", True, 10**400, date(2024, 5, 1)])
 def test_a_time_of_another_form_is_refused_in_one_line(time):
     tracker = OnlineTracker(QuickestOptions(), ThresholdDecider())
     with pytest.raises(ArgumentError, match=r"^time=.*a number.*or a date"):
         tracker.update((0.0, 0.0), time)
-    assert tracker.update((0.0, 0.0), np.float32(1.0)).status == "begun"
-    assert tracker.update((0.0, 0.0), np.float32(np.nan)).status == "dropped"
 
 
 def test_a_clock_that_is_set_back_is_told_from_what_is_sent_late():
@@ -155,7 +110,7 @@ def test_a_clock_that_is_set_back_is_told_from_what_is_sent_late():
         ]
 
     # Times of which some have been before, and of which none have.
-    for back in (20, 20.5, 60):
+    for back in (20, 20.5, 60, 1000):
         found = statuses(ticks, ticks - back * (ticks >= 100))
         assert found[104] == "begun"
         assert set(found[105:]) == {"used"}

@@ -71,15 +71,3 @@ def test_an_object_that_stands_before_it_circles_stands_over_ground():
 
     assert not recording.wind.any()
     assert (recording.of_modes(recording.modes)[0][:95] == "stop").all()
-
-
-def test_a_track_begins_in_a_wind_with_an_estimate_of_a_time():
-    times, positions = circling(6)
-    tracker = OnlineTracker.from_recording(track_recording(times, positions))
-    velocity = np.array([10.0, 0.0]) + WIND
-    place = positions[0] - velocity
-    tracker.begin([place[0], velocity[0], place[1], velocity[1]], np.eye(4), time=4999.0)
-    known = follow(tracker, times[:40] + 5000.0, positions[:40])
-
-    assert [each.status for each in known] == ["begun"] + 39 * ["used"]
-    assert known[-1].position == pytest.approx(positions[39], abs=2.0)

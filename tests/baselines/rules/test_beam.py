@@ -4,7 +4,7 @@ import copy
 
 import numpy as np
 import pytest
-from matrix_filters import FREEDOM
+from matrix_filters import FREEDOM, merged
 from own_modes import filter_of_mode
 
 from baselines.rules.beam import BeamDecider
@@ -72,12 +72,8 @@ def test_without_pruning_the_beam_is_the_filter_of_all_modes_and_ages(text, mode
             )
             if shares.sum() > 0:
                 w = shares / shares.sum()
-                states = np.array([kalman.x[:4] for *_, kalman, _ in branches])
-                spreads = np.array([kalman.P[:4, :4] for *_, kalman, _ in branches])
-                mean = w @ states
-                covariance = np.einsum("b,bij->ij", w, spreads)
-                covariance += (w[:, None] * (states - mean)).T @ (states - mean)
-                kalman = filter_of_mode(options, new, mean, covariance)
+                parts = [(kalman.x[:4], kalman.P[:4, :4]) for *_, kalman, _ in branches]
+                kalman = filter_of_mode(options, new, *merged(w, parts))
                 children.append((new, later, 1, kalman, shares.sum()))
         branches = []
         for mode, p, age, kalman, weight in children:

@@ -102,18 +102,6 @@ def test_an_outlier_is_no_switch_with_a_robust_likelihood():
     assert np.abs(normal.estimates - without.estimates).max() > 0.15
 
 
-def test_what_the_model_makes_improbable_has_happened_after_what_was_probable():
-    # Exact positions of a turn of 20 m, of which the model knows one of 25 m.
-    headings = np.cumsum(np.repeat([0.0, 0.2, 0.4, 0.0], [20, 1, 10, 20]))
-    z = 8.0 * np.cumsum(np.stack([np.cos(headings), np.sin(headings)], axis=1), axis=0)
-    known = {"tau": 1.0, "speed": 8.0, "radii": (25.0,), "durations": "geometric 20"}
-    for variance in (0.1, 0.01, 0.001):
-        noises = {"measurement_variance": variance, "process_variance": 0.001}
-        pieces = smooth_modes(z, QuickestOptions(**known, **noises)).pieces
-        assert pieces[:, 2].tolist() == [0, 1, 0]
-        assert np.abs(pieces[:, 0] - [0, 20, 31]).max() <= 2
-
-
 def test_a_track_without_a_first_position_is_refused():
     with pytest.raises(ArgumentError, match=r"measurements=.*first row"):
         smooth_modes([[np.nan, np.nan], [1.0, 2.0]], OPTIONS)

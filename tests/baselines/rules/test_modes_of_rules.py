@@ -69,16 +69,6 @@ def test_a_rule_that_is_made_by_hand_gets_the_types_of_the_environment():
     np.testing.assert_array_equal(first.decided_mode, second.decided_mode)
 
 
-def test_a_beam_of_general_filters_is_that_of_the_filters_of_turns():
-    given = {"ticks": 120, "measurement_variance": 0.01, "missed": 0.1}
-    decider = BeamDecider(QuickestOptions(**given))
-    general = BeamDecider(QuickestOptions(**given))
-    general.model.motions["linear"][0] = True
-    stated = [record_statements(each, 4, 2, **given).stated_modes for each in (decider, general)]
-
-    np.testing.assert_array_equal(*stated)
-
-
 def test_a_mode_of_matrices_is_stated():
     # An oscillation about the origin in place of a turn.
     c, s = np.cos(0.1), np.sin(0.1)

@@ -107,26 +107,26 @@ def test_damaged_code_in_the_cache_is_made_again(content, folder):
     assert kept.read_bytes() == code
 
 
-def test_a_kernel_that_raises_compiles(folder):
-    bitcode.save(raising, folder)
-
-    assert bitcode.load("raising", folder) == 0
+def for_another_system(saved):
+    module = bitcode.llvm.parse_bitcode(lzma.decompress(saved))
+    module.triple = "arm64-apple-darwin"
+    return lzma.compress(module.as_bitcode())
 
 
 @pytest.mark.parametrize(
-    "content", [lzma.compress(b"BC\xc0\xde" + bytes(64)), b"garbage", lzma.compress(b"BC")[:20]]
+    ("kernel", "change"),
+    [
+        (raising, lambda saved: saved),
+        (small, for_another_system),
+        (small, lambda saved: lzma.compress(b"BC\xc0\xde" + bytes(64))),
+        (small, lambda saved: saved[:20]),
+        (small, lambda saved: b"garbage"),
+    ],
+    ids=["raises", "another system", "no bitcode", "cut", "garbage"],
 )
-def test_bitcode_that_cannot_be_read_compiles(content, folder):
-    bitcode.path_of("small", folder).write_bytes(content)
+def test_bitcode_that_cannot_be_used_compiles(kernel, change, folder):
+    bitcode.save(kernel, folder)
+    path = bitcode.path_of(kernel.__name__, folder)
+    path.write_bytes(change(path.read_bytes()))
 
-    assert bitcode.load("small", folder) == 0
-
-
-def test_bitcode_for_another_system_compiles(folder):
-    bitcode.save(small, folder)
-    path = bitcode.path_of("small", folder)
-    module = bitcode.llvm.parse_bitcode(lzma.decompress(path.read_bytes()))
-    module.triple = "arm64-apple-darwin"
-    path.write_bytes(lzma.compress(module.as_bitcode()))
-
-    assert bitcode.load("small", folder) == 0
+    assert bitcode.load(kernel.__name__, folder) == 0

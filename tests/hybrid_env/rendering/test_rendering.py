@@ -13,9 +13,9 @@ from hybrid_env import (
     HybridTrackQuickestVectorEnv,
     HybridTrackVectorEnv,
 )
-from hybrid_env.modes import Accelerate, Stop, Straight, Turn
+from hybrid_env.modes import Accelerate, Stop, Straight, Turn, parse_modes
 from hybrid_env.rendering import FRAME_SIZE
-from hybrid_env.rendering.evidence import mode_colour, type_colours
+from hybrid_env.rendering.evidence import type_colours
 from hybrid_env.rendering.frame import draw_frame
 
 
@@ -71,20 +71,6 @@ def test_the_history_contains_every_tick_once_until_the_reset():
     assert history.decisions == []
 
 
-def test_the_evidence_is_the_log_likelihood_ratio_until_the_decision():
-    env = make()
-    infos = play(env, seed=5)
-    expected = []
-    active = 0
-    for info in infos[:-1]:
-        if "decided_mode" in info:
-            active = info["decided_mode"]
-            expected += [np.full(3, np.nan)] * (info["decided_length"] - info["ticks"])
-        expected.append(info["log_likelihood"] - info["log_likelihood"][active])
-
-    np.testing.assert_array_equal(env.history.evidence[: len(expected)], expected)
-
-
 KINDS = {
     "announced": (
         HybridTrackVectorEnv,
@@ -137,31 +123,15 @@ def test_the_window_of_gymnasium_shows_the_frame(monkeypatch):
     env.close()
 
 
+OWN = (Straight(), Turn(5.0), Stop(), Accelerate(0.5), *every_mode()[-2:])
+CLIMBS = parse_modes("straight, left 5, climb 0.5, descend 0.3")
+
+
+@pytest.mark.parametrize("modes", [OWN, CLIMBS], ids=["own", "climbs"])
 @pytest.mark.parametrize("env_id", ["HybridTrack-v0", "HybridTrackQuickest-v0"])
-def test_modes_of_the_user_have_colours_in_a_frame(env_id):
-    modes = (Straight(), Turn(5.0), Stop(), Accelerate(0.5), *every_mode()[-2:])
+def test_modes_of_the_user_have_colours_in_a_frame(env_id, modes):
     env = gym.make(f"hybrid_env:{env_id}", modes=modes, render_mode="rgb_array")
     env.reset(seed=2)
     env.step(0)
     assert env.render().std() > 0
     assert set(type_colours(modes)) >= {mode.type for mode in modes}
-
-
-def test_a_strip_below_the_plan_shows_the_heights():
-    modes = "straight, left 5, right 5, climb 0.5, descend 0.3"
-    env = gym.make("hybrid_env:HybridTrack-v0", modes=modes, render_mode="rgb_array").unwrapped
-    env.reset(seed=1)
-    for _ in range(5):
-        env.step(0)
-    width, height = FRAME_SIZE
-    assert env.render().shape == (height, width, 3)
-    history = env.history
-    for line, name in zip(
-        history.figure._strip.lines, ("z", "measured_z", "estimate_z"), strict=True
-    ):
-        np.testing.assert_array_equal(line.get_ydata(), history.column(name))
-    # 48 ticks: the scatter of the measurements is that of the option.
-    errors = history.column("measured_z") - history.column("z")
-    assert 0.2 < errors.std() < 0.5
-    colours = {mode_colour(h, env.options.all_modes) for h in range(9)}
-    assert len(colours) == 9

@@ -178,21 +178,6 @@ def test_texts_that_a_parquet_file_repeats_are_not_expanded(read):
     assert pa.default_memory_pool().max_memory() - before < 100_000_000
 
 
-def parquet(**columns):
-    """A file of 200 rows, x and y, and other columns."""
-    rows = np.arange(200.0)
-    stream = pa.BufferOutputStream()
-    pyarrow.parquet.write_table(pa.table({"t": rows, "x": rows, "y": rows} | columns), stream)
-    return stream.getvalue().to_pybytes()
-
-
-def test_texts_that_are_too_long_for_a_cell_are_no_column(read):
-    long = ["1" + "0" * 9000] * 200
-    assert "long texts, which is not read: note" in read(parquet(note=long)).summary
-    with pytest.raises(ArgumentError, match=r"no columns x and y.*its columns are t, y\)"):
-        read(parquet(x=long))
-
-
 def test_what_is_not_a_regular_file_is_refused_without_waiting(tmp_path):
     os.mkfifo(tmp_path / "pipe.csv")
     for path in (

@@ -10,7 +10,6 @@ ROWS = 40
 SECONDS = 0.25 * np.arange(ROWS)
 START = pd.Timestamp("2024-05-01T10:00:00")
 DATES = START + pd.to_timedelta(SECONDS, unit="s")
-EPOCH = START.timestamp()
 POSITIONS = np.column_stack([np.arange(ROWS), np.sqrt(np.arange(ROWS))])
 AMERICAN = DATES.strftime("%m/%d/%Y %I:%M:%S.%f %p")
 
@@ -25,41 +24,6 @@ def read_times(read):
         return file.recordings[0], file.summary
 
     return read_times
-
-
-FORMS = {
-    "seconds": (SECONDS + 7.0, "t", None),
-    "milliseconds by their name": (SECONDS * 1e3 + 7e3, "time [ms]", None),
-    "since 1970 in s": (SECONDS + EPOCH, "timestamp", START),
-    "since 1970 in ms": (np.int64((SECONDS + EPOCH) * 1e3), "t", START),
-    "since 1970 in ns": (
-        np.int64(np.int64(EPOCH) * 10**9) + np.int64(SECONDS * 1e9),
-        "t_ns",
-        START,
-    ),
-    "ISO": (DATES.strftime("%Y-%m-%dT%H:%M:%S.%f"), "datetime", START),
-    "ISO with zone": (
-        DATES.strftime("%Y-%m-%d %H:%M:%S.%f+02:00"),
-        "t",
-        START - pd.Timedelta("2h"),
-    ),
-    "basic ISO": (DATES.strftime("%Y%m%dT%H%M%S.%fZ"), "t", START),
-    "day.month.year": (DATES.strftime("%d.%m.%Y %H:%M:%S.%f"), "t", START),
-    "time of day": (DATES.strftime("%H:%M:%S.%f"), "t", None),
-}
-
-
-@pytest.mark.parametrize("form", FORMS)
-def test_forms_of_times(read_times, form):
-    cells, name, start = FORMS[form]
-    recording, summary = read_times(cells, name)
-    offset = 36_000.0 if form == "time of day" else 7.0 if start is None else 0.0
-
-    np.testing.assert_allclose(recording.times, SECONDS + offset, atol=1e-6)
-    assert recording.epoch == (None if start is None else f"{start.isoformat()}Z")
-    assert recording.time_unit == "s"
-    assert "tick 0.25 s" in summary
-    assert (start is None) == (" from 20" not in summary)
 
 
 def test_the_format_or_unit_of_the_caller(read_times):
