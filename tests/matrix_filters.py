@@ -154,7 +154,7 @@ def move(state, tau):
     x, vx, y, vy, cx, cy, w = state
     c = np.cos(w * tau)
     s = np.sin(w * tau)
-    ratio = s / w if w else tau
+    ratio = tau * np.sinc(w * tau / np.pi)
     return np.array(
         [
             cx + c * (x - cx) + ratio * vx,

@@ -28,6 +28,7 @@ EXACT_ANCHOR = {"initial_error": 0, "reset_covariance": False}
 TRUE_COVARIANCE = {"initial_error": (0.3, 0.02), "reset_covariance": False}
 SMALL_ERROR = {"initial_error": (0.3, 1e-4), "bank": "anchor_aware"}
 UNEQUAL = {"measurement_variance": (0.02, 0.3), "process_variance": 0.02}
+SENSORS = ["1.0", "0.4 period 2", "0.1 period 3"]
 WALKER = {
     "speed": 1.4,
     "tau": 1.0,
@@ -54,6 +55,7 @@ CASES = {
     "published, true covariance, straight, unequal noise": {"scheme": "S60"}
     | TRUE_COVARIANCE
     | UNEQUAL,
+    "published, fused sensors": {"scheme": "S60", "sensors": SENSORS} | TRUE_COVARIANCE,
     "anchor-aware, straight, unequal noise": {"scheme": "S60", "bank": "anchor_aware"} | UNEQUAL,
     "anchor-aware, exact anchor, turn": {"scheme": "L60r5", "bank": "anchor_aware"} | EXACT_ANCHOR,
     "anchor-aware, small error, fast turn": {"scheme": "R60r5", "speed": 20.0} | SMALL_ERROR,

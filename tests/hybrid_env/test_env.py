@@ -6,51 +6,22 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from baselines import FixedTimeDecider
+from baselines.rules.rollout import record_decisions
 from hybrid_env import HybridTrackEnv
 
 
-def play(env, policy, seed):
-    """Run one episode with policy(info) -> action. Returns rewards and infos."""
-    _, info = env.reset(seed=seed)
-    rewards = []
-    infos = [info]
-    terminated = False
-    while not terminated:
-        _, reward, terminated, truncated, info = env.step(policy(info))
-        assert truncated is False
-        rewards.append(reward)
-        infos.append(info)
-    return rewards, infos
+@pytest.mark.parametrize("tick", [7, 60, 1000])
+def test_a_decision_earns_or_costs_one_and_every_tick_of_the_segment_before_costs(tick):
+    """A segment that ends undecided is decided."""
+    made = record_decisions(FixedTimeDecider(tick), "hybrid_env:HybridTrackPublished-v0", 5, 4)
 
-
-def test_return_of_a_segment_decided_at_tick_k_is_plus_or_minus_one_minus_k_times_the_delay_cost():
-    tick = 7
-    env = HybridTrackEnv()
-    rewards, infos = play(env, lambda info: 2 if info["tick"] == tick else 0, seed=4)
-    decided = [info for info in infos if "decided_mode" in info]
-
-    assert len(decided) == 6
-    for info in decided:
-        assert info["ticks"] == tick
-        assert info["decided_mode"] == 1
-        assert info["correct"] == (info["decided_true_mode"] == 1)
-        assert not info["forced"]
-    expected = sum((1.0 if info["correct"] else -1.0) - tick * 0.02 for info in decided)
-    assert sum(rewards) == pytest.approx(expected)
-    assert len(rewards) == 6 * tick
-
-
-def test_waiting_on_the_last_tick_forces_a_decision_for_the_most_likely_hypothesis_in_that_step():
-    env = HybridTrackEnv(scheme="L30r5 S40")
-    rewards, infos = play(env, lambda info: 0, seed=1)
-
-    assert len(rewards) == 70
-    decided = [(k, info) for k, info in enumerate(infos) if "decided_mode" in info]
-    assert [k for k, _ in decided] == [30, 70]
-    for k, info in decided:
-        assert info["forced"]
-        assert info["ticks"] == info["decided_length"]
-        assert info["decided_mode"] == infos[k - 1]["log_likelihood"].argmax()
+    np.testing.assert_array_equal(made.forced, made.length < tick)
+    np.testing.assert_array_equal(made.ticks, np.minimum(tick, made.length))
+    np.testing.assert_array_equal(made.correct, made.decided_mode == made.true_mode)
+    earned = np.where(made.correct, 1.0, -1.0) - 0.02 * made.ticks
+    np.testing.assert_allclose(made.reward, earned)
+    assert 0.0 < made.correct.mean() < 1.0
 
 
 def test_a_wrong_radius_is_correct_by_type_and_wrong_by_hypothesis():

@@ -108,18 +108,15 @@ def test_numbers_of_modes_beyond_the_declared_ones_are_refused(kind, name):
 REFUSED = {
     "modes": (
         ({"modes": "straight"}, "['straight'] is not allowed: expected 2 to 1,000 modes"),
-        ({"modes": ()}, "2 to 1,000 modes"),
         ({"modes": "straight, left"}, "modes='left' is not allowed"),
         ({"modes": "straight, straight"}, "different names"),
         ({"modes": "straight, sideways 3, stop"}, "'sideways 3' is not allowed"),
         ({"modes": (Straight(), 5)}, "modes=5"),
-        ({"modes": [Straight(), Stop]}, "modes=<class"),
         ({"modes": 5}, "'turn rate 0.2'"),
         ({"modes": (Stop(), LinearMode(np.eye(4), name="stop"))}, "['stop', 'stop']"),
         ({"modes": (Stop(), LinearMode(1.1 * np.eye(4), name="up"))}, "at most 1e9 times"),
         ({"modes": "straight, climb"}, "modes='climb' is not allowed"),
         ({"modes": "straight, climb up"}, "'climb 5'"),
-        ({"modes": "straight, climb 1e19"}, "modes='climb 1e19'"),
         ({"modes": "straight, sideways climb 2"}, "'sideways climb 2'"),
         ({"modes": "straight, level"}, "2 to 1,000 modes"),
     ),
@@ -217,44 +214,12 @@ def test_a_mode_that_grows_without_large_eigenvalues_is_refused(size, kept):
             assert "at most 1e9 times" in refused(options, modes=(Straight(), mode))
 
 
-@pytest.mark.parametrize(
-    "pushed",
-    [
-        Accelerate(1e13),
-        LinearMode(np.eye(4), [0.0, 0.0, 1e30, 0.0], name="pushed"),
-        LinearMode(np.eye(6), [0.0, 0.0, 1e13, 0.0, 0.0, 0.0], name="pushed"),
-        LinearMode(np.eye(4), Q=np.diag([0.0, 1e26, 0.0, 0.0]), name="pushed"),
-    ],
-)
-def test_a_mode_that_moves_too_many_deviations_per_tick_is_refused(pushed):
-    for options in (WorldOptions, QuickestOptions):
-        message = refused(options, modes=(Straight(), pushed), measurement_variance=1e-4)
-        assert "the motion per tick" in message
-
-
-def test_linear_modes_are_equal_by_their_matrices_which_nobody_changes():
-    F = np.eye(4)
-    mode = LinearMode(F, name="still")
-    F[0, 0] = 2.0
-
-    assert mode == LinearMode(np.eye(4), name="still")
-    assert hash(mode) == hash(LinearMode(np.eye(4).tolist(), name="still"))
-    assert mode != LinearMode(2 * np.eye(4), name="still")
-    np.testing.assert_array_equal(mode.matrices(0.1)[0], np.eye(4))
-
-
 def test_the_modes_of_the_page_move_the_object_as_it_says():
-    options = vars(run_page()["boat"].unwrapped.options)
-    boat = HybridTrackEnv(**options | {"decide_every": 1})
-    assert boat.options.type_names == ("straight", "stop", "drag", "current")
-    _, info = boat.reset(seed=1)
-    speeds = {}
-    before = info
-    for _ in range(119):
-        *_, info = boat.step(0)
-        step = np.hypot(*(info["truth"] - before["truth"])[[0, 2]])
-        speeds[int(info["segment"]), int(info["tick"])] = step / 0.1
-        before = info
+    boat = run_page()["boat"].unwrapped.options
+    assert boat.type_names == ("straight", "stop", "drag", "current")
+    run = simulate(str(boat.scheme), modes=boat.modes)
+    way = np.hypot(*np.diff(run.truth[0, :, ::2], axis=0).T)
+    first, second = np.cumsum([piece.length for piece in boat.scheme.pieces])[:2]
     # 5 % a tick, with noise of the velocities; and 0.1 m a tick.
-    assert speeds[1, 30] < 0.5 * speeds[1, 2]
-    assert speeds[2, 20] == pytest.approx(1.0)
+    assert way[first + 28] < 0.5 * way[first]
+    assert way[second + 19] == pytest.approx(0.1)

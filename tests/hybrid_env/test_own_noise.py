@@ -6,29 +6,9 @@ import sys
 import gymnasium as gym
 import numpy as np
 import pytest
-from drawn_noise import drawn_noise
-from own_noise import Rounded, run_page
-from scipy import stats
+from own_noise import Rounded
 
 from hybrid_env import ArgumentError, HybridTrackVectorEnv, OwnNoise, simulate
-
-COUNT = 100_000
-
-
-def errors(law):
-    """Return `COUNT` errors of each coordinate over sqrt(R), (2, COUNT)."""
-    drawn = drawn_noise(20, COUNT // 20, 3, noise=law).swapaxes(0, 1).reshape(4, -1)
-    assert stats.kstest(drawn[:2].ravel(), "norm").pvalue > 1e-3
-    # The standard error of a correlation of independent numbers.
-    assert abs(stats.spearmanr(*drawn[2:]).statistic) < 4.0 / math.sqrt(COUNT)
-    return drawn[2:]
-
-
-def test_the_law_of_the_page_has_the_distribution_of_laplace():
-    law = run_page()["env"].unwrapped.options.noise
-
-    assert str(law) == "Laplace 0.7"
-    assert stats.kstest(errors(law).ravel(), stats.laplace(scale=0.7).cdf).pvalue > 1e-3
 
 
 def test_simulations_draw_such_errors():

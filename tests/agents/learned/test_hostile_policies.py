@@ -13,7 +13,7 @@ import torch
 from hostile_input import accepted, attack, counts, damaged, refused
 from hostile_policies import ENV, HOSTILE_ZIPS, OPTIONS, WIDTH, actor_weights, rows, write_zip
 from stable_baselines3 import PPO
-from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecNormalize
+from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 
 from agents.evaluation.registry import find_decider
 from agents.interface.world_arguments import TRUST
@@ -64,18 +64,6 @@ def test_statistics_beside_a_trusted_model_normalise_its_rows(tmp_path, monkeypa
     for seen in rows(4):
         expected, _ = model.predict(env.normalize_obs(seen), deterministic=True)
         np.testing.assert_array_equal(decider.predict(seen)[0], expected)
-
-
-@pytest.mark.parametrize("trust", ["0", "1"])
-def test_stacked_rows_are_refused_by_their_reason(tmp_path, monkeypatch, trust):
-    env = VecFrameStack(DummyVecEnv([lambda: gym.make(ENV)]), 4)
-    # Without trust the layers are read, with it a policy of other layers is unpickled.
-    layers = {"activation_fn": torch.nn.Softplus} if trust == "1" else {}
-    PPO("MlpPolicy", env, policy_kwargs=layers).save(tmp_path / "model.zip")
-    monkeypatch.setenv(TRUST, trust)
-
-    message = refused(find_decider, str(tmp_path / "model.zip"), OPTIONS)
-    assert f"4 stacked rows of {WIDTH} numbers" in message
 
 
 def test_nothing_is_unpickled_without_trust(tmp_path, trained):

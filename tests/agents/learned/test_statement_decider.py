@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import torch
 from other_units import in_other_units
+from recorded_rollouts import recorded
 
 from agents.learned.statement_decider import StatementDecider
-from baselines import rollout
 from baselines.rules.measurements import OBSERVED
 from hybrid_env import HybridTrackQuickestVectorEnv, QuickestLayout, QuickestOptions
 
@@ -29,13 +29,8 @@ def random_decider(habits, options):
 def statements_of(decider, options, ticks=150):
     """Statements (T, N) of a decider, and what it observes (T, N, width)."""
     env = HybridTrackQuickestVectorEnv(TRACKS, **vars(options))
-    stated, seen = [], []
-    for now in rollout(env, decider, 3):
-        if now.step:
-            stated.append(now.actions)
-        if now.step == ticks:
-            return np.array(stated), np.array(seen)
-        seen.append(now.seen.copy())
+    seen, stated, _ = recorded(env, decider, ticks)
+    return stated, seen
 
 
 def stated_again(decider, seen):

@@ -31,20 +31,6 @@ def test_pieces_of_known_lengths_are_right_at_any_scale(name, runs, seed, least)
     assert np.mean(right) >= least
 
 
-@pytest.mark.parametrize("name", ["walker", "ship"])
-def test_no_piece_is_shorter_than_three_rows(name):
-    """A threshold gives such pieces on the same recordings, where no true one is below 50 rows."""
-    target = OBJECTS[name]
-    shortest = {}
-    for decider in ("threshold", "steady", None):
-        tracked = [
-            track_recording(target.times(len(run)), run, decider=decider, live=decider is not None)
-            for run in target.simulate(2, seed=3).measurements
-        ]
-        shortest[decider] = min(np.diff(each.pieces[:, :2]).min() for each in tracked)
-    assert min(shortest[None], shortest["steady"]) >= 3 > shortest["threshold"]
-
-
 def test_a_car_is_tracked_without_any_option():
     free = track_recording(TIMES, DRIVE)
     assert (free.modes == TRUE).mean() > 0.98
@@ -99,18 +85,6 @@ def test_missing_rows_are_predicted():
     np.testing.assert_array_equal(with_rows.modes[kept], without_rows.modes)
     assert (with_rows.modes == TRUE).mean() > 0.9
     assert np.isfinite(with_rows.estimates).all()
-    # A decider with filters of its own that predict.
-    known = track_recording(TIMES, empty, lengths=PIECES, decider="shipped", live=True)
-    assert known.pieces[:, 2].tolist() == [2, 1, 0, 1]
-
-
-def test_a_gap_starts_the_track_anew():
-    after = np.arange(220) >= 100
-    times = TIMES + 1000.0 * after
-    tracked = track_recording(times, DRIVE + 1e5 * after[:, None])
-
-    assert (tracked.modes == TRUE).mean() > 0.9
-    assert 100 in tracked.pieces[:, 0]
 
 
 @pytest.mark.parametrize(("rows", "options"), [(2, {}), (4, {"lengths": (1,)})])

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import recorded_tracks
 
 from baselines import OnlineTracker, SteadyDecider, smooth_modes
 from hybrid_env import QuickestOptions, WorldOptions, simulate
@@ -21,7 +22,7 @@ def follow(points, times=None, **arguments):
     """What a tracker returns of each measurement, NaN is none."""
     tracker = OnlineTracker(OPTIONS, SteadyDecider(), lag=LAG, **arguments)
     times = 0.1 * np.arange(len(points)) if times is None else times
-    return [tracker.update(tuple(z), float(time)) for z, time in zip(points, times, strict=True)]
+    return recorded_tracks.follow(tracker, times, points)
 
 
 def test_probabilities_are_those_of_a_recording_that_ends_now():

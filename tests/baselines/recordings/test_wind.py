@@ -62,12 +62,3 @@ def test_a_live_tracker_moves_with_the_wind_of_a_recording():
     last = estimates[-1]
     assert ahead[0] == pytest.approx(last[::2], abs=0.5)
     assert np.linalg.norm(ahead[1] - ahead[0]) < 2.0 * (10.0 + np.linalg.norm(WIND)) + 1.0
-
-
-def test_an_object_that_stands_before_it_circles_stands_over_ground():
-    times, flown = circling(4)
-    waiting = np.random.default_rng(5).normal(0.0, 0.5, (100, 2))
-    recording = track_recording(np.arange(100 + len(times)), np.concatenate([waiting, flown]))
-
-    assert not recording.wind.any()
-    assert (recording.of_modes(recording.modes)[0][:95] == "stop").all()

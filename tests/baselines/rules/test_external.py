@@ -128,9 +128,7 @@ LISTED = "NAME with one of its functions or classes: likeliest, Patient, Once, o
         ("leaves.py:x", r"leaves.py failed in leaves.py line 1: SystemExit: 3"),
         ("ends.py:x", "ends.py failed in ends.py line 1: GeneratorExit: 3"),
         ("mine.py", f"mine.py:{LISTED}"),
-        ("mine.py:0.1", f"mine.py:{LISTED}"),
         ("mine.py:nosuch", f"mine.py:{LISTED}"),
-        ("mine:nosuch", f"mine:{LISTED}"),
         ("nosuch.py", "nosuch.py' is not allowed: expected a file that exists"),
     ],
 )

@@ -56,9 +56,6 @@ def test_gradual_turns_begin_when_the_curvature_does():
     begins = [40, 80, 120, 160]
     errors = {False: [], True: []}
     held = []
-    # Of the estimates within ten ticks of a begin, whose mean is 4 if the model holds.
-    near = np.abs(np.arange(200)[:, None] - begins).min(1) <= 10
-    squares = {False: [], True: []}
     for gradual, seed in itertools.product(errors, range(5)):
         first = "4r400 {0}36r200" if gradual else "40r200"
         scheme = "S40 {L} S40 {R} S40".format(**{k: k + first.format(k) for k in "LR"})
@@ -68,26 +65,11 @@ def test_gradual_turns_begin_when_the_curvature_does():
         errors[gradual] += (result.pieces[1:, 0] - begins).tolist()
         low, high = result.moments[1:].T
         held += ((low <= begins) & (begins <= high)).tolist()
-        apart = (result.estimates - simulated.truth[0])[near]
-        white = np.linalg.solve(np.linalg.cholesky(result.covariances[near]), apart[..., None])
-        squares[gradual].append((white**2).sum() / len(apart))
     assert np.abs(errors[False]).max() <= 1
     assert np.abs(errors[True]).max() <= 3
     assert np.mean(np.abs(errors[True])) < 1.0
-    assert np.mean(squares[False]) < 6.0
-    # Above 300 if all turns had their whole curvature.
-    assert np.mean(squares[True]) < 60.0
     # Forty begins; three standard errors below .95.
     assert np.mean(held) > 0.84
-
-
-def test_switches_that_are_known_are_the_only_ones():
-    z = seen("S30 L40r5 L30r5 R40r5", 5)
-    result = smooth_modes(z, OPTIONS, switches=(30, 70, 100))
-
-    assert result.pieces.tolist() == [[0, 30, 0], [30, 70, 1], [70, 100, 1], [100, 140, 2]]
-    assert (np.ptp(result.probabilities[30:70], axis=0) < 1e-12).all()
-    assert (result.moments == result.pieces[:, [0, 0]]).all()
 
 
 def test_an_outlier_is_no_switch_with_a_robust_likelihood():
@@ -102,13 +84,9 @@ def test_an_outlier_is_no_switch_with_a_robust_likelihood():
     assert np.abs(normal.estimates - without.estimates).max() > 0.15
 
 
-def test_a_track_without_a_first_position_is_refused():
-    with pytest.raises(ArgumentError, match=r"measurements=.*first row"):
-        smooth_modes([[np.nan, np.nan], [1.0, 2.0]], OPTIONS)
-
-
-def test_covariances_without_a_sensor_to_read_them_are_refused():
-    values = np.full((5, 9), np.nan)
-    values[:, :5] = [0.0, 0.0, 1.0, 0.0, 1.0]
-    with pytest.raises(ArgumentError, match="measurements"):
-        smooth_modes(values, OPTIONS)
+def test_measurements_that_cannot_begin_a_track_are_refused():
+    without_sensor = np.full((5, 9), np.nan)
+    without_sensor[:, :5] = [0.0, 0.0, 1.0, 0.0, 1.0]
+    for given, reason in (([[np.nan, np.nan], [1.0, 2.0]], "first row"), (without_sensor, "")):
+        with pytest.raises(ArgumentError, match=f"measurements.*{reason}"):
+            smooth_modes(given, OPTIONS)

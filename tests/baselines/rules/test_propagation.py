@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from matrix_filters import MatrixExtendedKalmanFilter, MatrixKalmanFilter
+from matrix_filters import MatrixExtendedKalmanFilter, MatrixKalmanFilter, jacobian
 from scipy import linalg
 from scipy.stats import chi2
 
@@ -18,9 +18,8 @@ H = np.eye(4)[[0, 2]]
 
 
 def heading_of(velocity_x, velocity_y):
-    return np.array([[velocity_x, velocity_y], [-velocity_y, velocity_x]]) / np.hypot(
-        velocity_x, velocity_y
-    )
+    turn = np.array([[velocity_x, velocity_y], [-velocity_y, velocity_x]])
+    return turn / np.sqrt(velocity_x**2 + velocity_y**2)
 
 
 def literal_error(kalman, bank, ticks):
@@ -41,16 +40,12 @@ def literal_error(kalman, bank, ticks):
         joint = A @ joint @ A.T + linalg.block_diag(Q, K @ R @ K.T)
 
     def error(values):
-        turn = heading_of(values[8], values[10])
-        error = values[:4] - values[7:]
-        x, y = turn @ error[[0, 2]], turn @ error[[1, 3]]
-        return np.array([x[0], y[0], x[1], y[1], np.hypot(values[8], values[10])])
+        turn, error = heading_of(values[8], values[10]), values[:4] - values[7:]
+        (x, vx), (y, vy) = np.transpose([turn @ error[::2], turn @ error[1::2]])
+        return np.array([x, vx, y, vy, np.sqrt(values[8] ** 2 + values[10] ** 2)])
 
     values = np.concatenate([kalman.x, bank.x])
-    step = 1e-6
-    J = np.array(
-        [(error(values + step * e) - error(values - step * e)) / (2 * step) for e in np.eye(11)]
-    ).T
+    J = jacobian(error, values)
     return error(values), J @ joint @ J.T
 
 

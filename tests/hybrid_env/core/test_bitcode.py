@@ -1,21 +1,13 @@
 """Bitcode of kernels: the bits of compiled code; without it, or with another's, kernels compile."""
 
-import functools
 import importlib
 import lzma
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
-from hybrid_env.core import bitcode, compilation, kernels, memory
+from hybrid_env.core import bitcode, compilation, kernels
 from hybrid_env.registration import ENVIRONMENTS, make_track_vector_env
-
-IDS = {
-    "ImmBank": "HybridTrackQuickest-v0",
-    "PublishedBank": "HybridTrackPublishedBank-v0",
-    "AnchorAwareBank": "HybridTrackRaw-v0",
-}
 
 
 def small(address, command):
@@ -39,30 +31,6 @@ def folder(tmp_path, monkeypatch):
     (tmp_path / "saved").mkdir()
     yield tmp_path / "saved"
     compilation.cache_folder.cache_clear()
-
-
-# Each compiles a whole kernel, which no cache keeps.
-@pytest.mark.study
-@pytest.mark.parametrize("bank", IDS)
-def test_bitcode_gives_the_bits_of_compiled_code(bank, tmp_path):
-    kernel = kernels.kernel_of(getattr(memory, bank), False)
-    bitcode.save(kernel, tmp_path)
-    address = bitcode.load(kernel.__name__, tmp_path)
-    assert address
-    function = compilation.compiled(kernel)
-    compilation.prepare(function, 0, 0)
-    one, other = (make_track_vector_env(IDS[bank], 9) for _ in range(2))
-    for env, called in ((one, function), (other, bitcode.call)):
-        (parameters,) = env.unwrapped.world._parameters
-        parameters["kernel"] = address
-        env.unwrapped.world.run = functools.partial(called, parameters.ctypes.data)
-    generator = np.random.default_rng(0)
-
-    assert np.array_equal(one.reset(seed=0)[0], other.reset(seed=0)[0])
-    for _ in range(300):
-        actions = generator.integers(one.single_action_space.n, size=9)
-        for ours, theirs in zip(one.step(actions)[:3], other.step(actions)[:3], strict=True):
-            assert ours.tobytes() == theirs.tobytes()
 
 
 def test_the_kernels_of_all_registered_ids_are_saved(monkeypatch, tmp_path):

@@ -23,19 +23,6 @@ def make(render_mode="rgb_array", **options):
     return HybridTrackEnv(render_mode=render_mode, **options)
 
 
-def play(env, seed, wait_probability=0.9):
-    """Play a random episode and return all info dictionaries."""
-    rng = np.random.default_rng(seed)
-    infos = [env.reset(seed=seed)[1]]
-    terminated = False
-    while not terminated:
-        wait = rng.random() < wait_probability
-        action = 0 if wait else int(rng.integers(1, env.action_space.n))
-        _, _, terminated, _, info = env.step(action)
-        infos.append(info)
-    return infos
-
-
 def test_a_frame_is_a_new_rgb_array_that_a_step_changes():
     env = make()
     env.reset(seed=0)
@@ -50,27 +37,6 @@ def test_a_frame_is_a_new_rgb_array_that_a_step_changes():
     assert not np.array_equal(first, env.render())
 
 
-def test_the_history_contains_every_tick_once_until_the_reset():
-    env = make()
-    infos = play(env, seed=3)
-    # Path and noise do not depend on the decisions, so an agent that only waits sees all ticks.
-    waited = play(make(render_mode=None), seed=3, wait_probability=1.0)
-    lengths = [info["decided_length"] for info in waited if "decided_mode" in info]
-    # The last step contains no new tick.
-    truths = [[*info["truth"], *info["measurement"]] for info in waited[:-1]]
-    history = env.history
-
-    assert len(infos) < sum(lengths) == len(history.trace)
-    np.testing.assert_array_equal(history.trace[:, :6], truths)
-    np.testing.assert_array_equal(history.switches, np.cumsum([0, *lengths])[:-1])
-    true_modes = [decision.true_mode for decision in history.decisions]
-    np.testing.assert_array_equal(history.true_modes, np.repeat(true_modes, lengths))
-    assert history.finished
-    env.reset()
-    assert len(history.trace) == 1
-    assert history.decisions == []
-
-
 KINDS = {
     "announced": (
         HybridTrackVectorEnv,
@@ -81,27 +47,21 @@ KINDS = {
 }
 
 
-@pytest.mark.parametrize(("kind", "mode"), [("announced", "NextStep"), ("unknown", "SameStep")])
-def test_the_histories_equal_those_of_single_environments_across_autoresets(kind, mode):
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_histories_equal_those_of_single_environments_across_autoresets(kind):
     vector, single, options = KINDS[kind]
-    env = vector(2, render_mode="rgb_array", autoreset_mode=mode, **options)
+    env = vector(2, render_mode="rgb_array", autoreset_mode="SameStep", **options)
     singles = [single(render_mode="rgb_array", **options) for _ in range(2)]
     env.reset(seed=4)
     for track, alone in enumerate(singles):
         alone.reset(seed=4 + track)
     generator = np.random.default_rng(0)
-    done = np.zeros(2, bool)
     for _ in range(24):
         actions = generator.integers(0, 3, 2) * (generator.random(2) < 0.2)
-        for track, alone in enumerate(singles):
-            if done[track]:
+        env.step(actions)
+        for history, alone, action in zip(env.histories, singles, actions, strict=True):
+            if alone.step(action)[2]:
                 alone.reset()
-            else:
-                terminated = alone.step(actions[track])[2]
-                if terminated and mode == "SameStep":
-                    alone.reset()
-        done = env.step(actions)[2] & (mode == "NextStep")
-        for history, alone in zip(env.histories, singles, strict=True):
             np.testing.assert_array_equal(history.trace, alone.history.trace)
             assert history.decisions == alone.history.decisions
     assert env.histories[0].episode > 0

@@ -119,14 +119,6 @@ def test_size_and_rows_are_bounded(read, tmp_path, monkeypatch):
     os.truncate(path, 250_000_001)
     with pytest.raises(ArgumentError, match="megabytes, at most 250"):
         read_recordings(path)
-    bomb = gzip.compress(b"t,x,y\n" + b"1,2,3\n" * 4_000_000)
-    tracemalloc.start()
-    try:
-        with pytest.raises(ArgumentError, match="MB when decompressed"):
-            read(bomb)
-        assert tracemalloc.get_traced_memory()[1] < 60_000_000
-    finally:
-        tracemalloc.stop()
     monkeypatch.setattr(files, "LIMITS", Limits(rows=29))
     with pytest.raises(ArgumentError, match="30 rows, at most 29"):
         read(PARQUET)
@@ -134,6 +126,7 @@ def test_size_and_rows_are_bounded(read, tmp_path, monkeypatch):
 
 POINT = b'<trkpt lat="5" lon="3"/>'
 BOMBS = {
+    "compressed": (gzip.compress(b"t,x,y\n" + b"1,2,3\n" * 4_000_000), "MB when decompressed"),
     "rows": (b"t,x,y\n" + b"1,2,3\n" * 3_000_000, "rows, at most 2,500,000"),
     "cells": (
         b"x,y" + b",a" * 1990 + b"\n" + (b"1,2" + b"," * 1990 + b"\n") * 26_000,

@@ -56,14 +56,6 @@ def test_rows_are_left_out_and_counted(read, more, left_out):
         read(content, bad_rows="refuse")
 
 
-def test_rows_out_of_order_are_sorted(read):
-    swapped = FRAME.iloc[[*range(50), 51, 50, *range(52, ROWS)]]
-    for frame in (swapped, FRAME[::-1]):
-        file = read(frame)
-        np.testing.assert_array_equal(file.recordings[0].times, T)
-        np.testing.assert_array_equal(file.recordings[0].positions, TRACK)
-
-
 def test_a_clock_that_is_set_back_begins_a_new_piece(read):
     frame = FRAME.assign(time=np.where(T < 120, T, T - 3600.0))
     file = read(frame)
