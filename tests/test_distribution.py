@@ -1,4 +1,4 @@
-"""README.md in the repository and as the description on a package index; the console script."""
+"""README.md as the description on a package index, the wheel, and commands without an extra."""
 
 import importlib.util
 import re

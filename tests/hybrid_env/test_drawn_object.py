@@ -1,6 +1,4 @@
-"""Objects whose process noise is drawn for every episode, and random turns of other radii than
-those of the bank.
-"""
+"""Objects whose process noise is drawn for every episode."""
 
 import numpy as np
 import pytest

@@ -1,6 +1,4 @@
-"""The single environment: reward, fast-forward, observation and info agree with their
-definitions.
-"""
+"""The single environment: rewards, and actions that are not allowed."""
 
 import gymnasium as gym
 import numpy as np

@@ -1,4 +1,4 @@
-"""Radars: conversion, fusion, and cameras alone; the consistency of filters: `test_consistency`."""
+"""Radars: conversion and fusion; the consistency of filters: `test_consistency`."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""The registered ids with the checkers, vectorization modes and subprocesses of other libraries."""
+"""The registered ids with the checkers and subprocesses of other libraries."""
 
 import functools
 import re

@@ -22,8 +22,8 @@ def compared(line, folder):
 
 
 def test_unknown_switches_are_compared_at_equal_rates_of_wrong_changes(tmp_path, capsys):
-    world = "--env HybridTrackQuickest-v0 --ticks 100 --durations 'uniform 8-15'"
-    line = f"threshold cusum shipped {world} --episodes 30 --selection-episodes 6"
+    world = "--env HybridTrackQuickest-v0 --ticks 40 --durations 'uniform 8-15'"
+    line = f"threshold cusum shipped {world} --episodes 8 --selection-episodes 6"
     _, deciders = compared(line, tmp_path)
     assert "shipped and IMM threshold differ most" in capsys.readouterr().out
     assert list(deciders) == ["IMM threshold", "CUSUM", "shipped"]

@@ -1,4 +1,4 @@
-"""The command `hybridtrack play`: animations, pictures, tables, recordings and the window."""
+"""The command `hybridtrack play`: animations and recordings."""
 
 import gymnasium as gym
 import numpy as np

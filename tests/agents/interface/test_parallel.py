@@ -1,4 +1,4 @@
-"""Independent calls in processes: order, lost workers and errors."""
+"""Independent calls in processes: order, lost workers and trust."""
 
 import functools
 import os
@@ -22,12 +22,12 @@ def killed_once(marker, number):
 
 
 def test_workers_do_not_import_modules_of_the_present_folder(tmp_path, monkeypatch):
+    # Workers of other tests were started elsewhere.
+    get_reusable_executor().shutdown()
     monkeypatch.chdir(tmp_path)
     # It may be relative.
     monkeypatch.delenv("PYTHONPATH", raising=False)
     (tmp_path / "lz4.py").write_text(f"open({str(tmp_path / 'ran')!r}, 'x')")
-    # Those of other tests were started elsewhere.
-    get_reusable_executor().shutdown()
 
     calls = {number: functools.partial(square, number) for number in range(2)}
     assert [result for _, (result, _) in Workers(jobs=2).results(calls)] == [0, 1]

@@ -1,4 +1,4 @@
-"""Altitudes of a file: columns and units, climbs.csv, and the picture."""
+"""Altitudes of a file: columns and units, and climbs.csv."""
 
 import numpy as np
 import pandas as pd

@@ -1,4 +1,4 @@
-"""What `hybridtrack track` writes is joined to what it has read, drawn on maps and scored."""
+"""What `hybridtrack track` writes is joined to what it has read, and scored."""
 
 import json
 from itertools import pairwise

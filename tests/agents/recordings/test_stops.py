@@ -72,7 +72,8 @@ def test_stops_are_found(name):
 def test_an_object_that_is_slow_for_a_moment_does_not_stop(kind):
     """A window of it looks like noise."""
     rng = np.random.default_rng([0, 5])
-    logarithms = lfilter([0.15], [1.0, -0.97], rng.normal(size=600))
+    steps = np.append(0.0, rng.normal(size=599))
+    logarithms = lfilter([0.15], [1.0, -0.97], steps)
     speed = {
         "varies": 3.0 * np.exp(logarithms),
         "turns back": 10.0 * np.clip(1.5 * np.cos(np.arange(600) * np.pi / 40.0), -1.0, 1.0),

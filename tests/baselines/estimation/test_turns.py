@@ -27,7 +27,7 @@ def exact_matrix(rate, seconds):
 
 def turned_states(states, seconds):
     """States (n, 7) after a time."""
-    moved = [exact_matrix(state[6], seconds) @ state[:6] for state in states]
+    moved = [turn_matrix(state[6], seconds) @ state[:6] for state in states]
     return np.column_stack([moved, states[:, 6]])
 
 

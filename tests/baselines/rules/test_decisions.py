@@ -1,4 +1,4 @@
-"""Recorded decisions, against single environments and on cases with known results."""
+"""Recorded decisions, against single environments."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The SPRT: thresholds, the rule for several hypotheses, Wald's bounds, and the decider."""
+"""The SPRT: thresholds, the rule for several hypotheses, and Wald's bounds."""
 
 import math
 

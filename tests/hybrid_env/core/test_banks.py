@@ -195,7 +195,7 @@ UNKNOWN = {name: TURNS | given for name, given in (HAZARDS | MEASURED | DRIFT).i
 @pytest.mark.parametrize("options", UNKNOWN.values(), ids=UNKNOWN)
 def test_the_imm_bank_equals_the_literal_one(options):
     given = {"durations": "uniform 9-30", "start": "random", "heading": 0.3} | options
-    given |= {"ticks": 50, "initial_error": 0}
+    given |= {"ticks": 40, "initial_error": 0}
     env = HybridTrackQuickestVectorEnv(LANES, tick_info=True, **given)
     M, hazard = env.options.hypotheses, env.options.assumed_hazard
     following = options.get("transitions", (1 - np.eye(M)) / (M - 1))
@@ -203,7 +203,7 @@ def test_the_imm_bank_equals_the_literal_one(options):
     start = env.options.speed * np.array([0.0, np.cos(0.3), 0.0, np.sin(0.3)])
     literal = [ImmOfModes(start, np.zeros((4, 4)), env.options, transition) for _ in range(LANES)]
     rows, info = env.reset(seed=5)
-    for _ in range(50):
+    for _ in range(40):
         bank = env.world.bank.hypotheses[0]
         # Places of a centre are accelerations.
         names = [name for name in STATE if name in bank.dtype.names]

@@ -1,4 +1,4 @@
-"""Bitcode of kernels: the bits of compiled code; without it, or with another's, kernels compile."""
+"""Bitcode of kernels: all ids have it; without it, or with another's, kernels compile."""
 
 import importlib
 import lzma

@@ -1,6 +1,4 @@
-"""Elementary functions agree with those of NumPy; random numbers have the published stream and are
-uniform.
-"""
+"""Random numbers have the published stream and are uniform."""
 
 import numpy as np
 from scipy import stats

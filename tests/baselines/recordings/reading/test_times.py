@@ -1,4 +1,4 @@
-"""Times in all forms, their order, missing rows and gaps."""
+"""Missing rows and gaps between times; forms of times: `test_everyday_files`."""
 
 import numpy as np
 import pandas as pd
