@@ -11,19 +11,29 @@ from scipy import stats
 FREEDOM = 4.0
 
 
-def correct(x, P, z, R, rates=(), freedom=0, stands=False):
-    """Correct a filter by a position, if there is one, and then by velocities, given as (velocity,
-    None, deviation), and range rates of radars, (range rate, place of the radar, deviation), or
-    ranges and bearings with their name at the end, linearised at the state. The likelihood of the
-    position is normal, or Student's t with degrees of freedom. Of an object that stands velocities
-    and range rates are expected to be 0. Return state, covariance and log-likelihood.
+def correct(x, P, z, model, stands=False):
+    """Correct a filter by a position, if there is one, and then by what else is measured.
+
+    The likelihood of the position is normal, or Student's t with degrees of freedom.
+
+    Args:
+        x: state.
+        P: covariance.
+        z: measured coordinates, or None.
+        model: with their places `seen` in the state, their covariance `R`, the degrees of
+            `freedom`, and `rates`: velocities, given as (velocity, None, deviation), range rates of
+            radars, (range rate, place of the radar, deviation), or ranges and bearings with their
+            name at the end, linearised at the state.
+        stands: whether the object stands, so that velocities and range rates are expected to be 0.
+
+    Returns:
+        state, covariance and log-likelihood.
     """
     likelihood = 0.0
     if z is not None:
-        H = np.zeros((2, len(x)))
-        H[0, 0] = H[1, 2] = 1.0
-        x, P, likelihood = correct_by(x, P, z - H @ x, H, R, freedom)
-    for rate, place, deviation, *kind in rates:
+        H = np.eye(len(x))[list(model.seen)]
+        x, P, likelihood = correct_by(x, P, z - H @ x, H, model.R, model.freedom)
+    for rate, place, deviation, *kind in model.rates:
         added = 0.0
         if kind:
             H = jacobian(lambda state, seen=(place, kind[0], x): polar(state, *seen), x)[None]
@@ -82,35 +92,47 @@ def range_rate(state, place):
 
 
 class MatrixFilter:
-    """A filter with the state x and its covariance P, whose subclass has `predicted`."""
+    """A filter with the state x, which begins with [x, vx, y, vy], and its covariance P.
 
-    # Velocities, and range rates of radars in the next tick, see `correct`.
+    A subclass has `linearised`, which returns the state one tick later, and F and Q.
+    """
+
+    # See `correct`.
+    seen = (0, 2)
     rates = ()
     freedom = 0
-    log_likelihood = 0.0
     stands = False
+    log_likelihood = 0.0
 
     def step(self, z):
         """One tick; a measurement None only predicts."""
-        self.x, self.P = self.predicted()
-        R = np.diag(self.R) if np.ndim(self.R) == 1 else self.R
-        self.Sigma = self.P[:3:2, :3:2] + R
-        self.innovation = np.full(2, np.nan) if z is None else z - self.x[[0, 2]]
-        if z is not None:
-            self.distance = self.innovation @ np.linalg.solve(self.Sigma, self.innovation)
-        if z is not None or self.rates:
-            heavy = self.freedom, self.stands
-            self.x, self.P, more = correct(self.x, self.P, z, R, self.rates, *heavy)
-            self.log_likelihood += more
+        self.x, F, Q = self.linearised()
+        self.P = F @ self.P @ F.T + Q
+        self.R = np.diag(self.R) if np.ndim(self.R) == 1 else self.R
+        H = np.eye(len(self.x))[list(self.seen)]
+        self.Sigma = H @ self.P @ H.T + self.R
+        self.innovation = np.full(len(H), np.nan) if z is None else z - H @ self.x
+        self.x, self.P, more = correct(self.x, self.P, z, self, self.stands)
+        self.log_likelihood += more
 
 
-class MatrixKalmanFilter(MatrixFilter):
+class LinearFilter(MatrixFilter):
+    """A Kalman filter of x' = F x + B + w."""
+
+    def __init__(self, x, P, F, B, Q, R=None, freedom=0):
+        self.x, self.P, self.F, self.B, self.Q = map(np.array, (x, P, F, B, Q))
+        self.R, self.freedom = R, freedom
+
+    def linearised(self):
+        """See `MatrixFilter`."""
+        return self.F @ self.x + self.B, self.F, self.Q
+
+
+class MatrixKalmanFilter(LinearFilter):
     """Kalman filter with four states. Golubkov 2018, eq. (1) and (2), with Sigma = H P H' + R."""
 
     def __init__(self, state, P, signed_radius, tau, Q, R, freedom=0):
         xs, vx, ys, vy = state
-        self.freedom = freedom
-        self.x, self.P, self.R = np.array(state), P.copy(), R
         if signed_radius == 0.0:
             block = np.array([[1.0, tau], [0.0, 1.0]])
             centre = np.zeros(4)
@@ -120,13 +142,9 @@ class MatrixKalmanFilter(MatrixFilter):
             s = math.sin(w * tau)
             block = np.array([[c, s / w], [-w * s, c]])
             centre = np.array([xs - vy / w, 0.0, ys + vx / w, 0.0])
-        self.Phi = np.kron(np.eye(2), block)
-        self.B = centre - self.Phi @ centre
-        self.GQG = np.diag([0.0, Q, 0.0, Q])
-
-    def predicted(self):
-        """Return state and covariance one tick later."""
-        return self.Phi @ self.x + self.B, self.Phi @ self.P @ self.Phi.T + self.GQG
+        Phi = np.kron(np.eye(2), block)
+        noise = np.diag([0.0, Q, 0.0, Q])
+        super().__init__(state, P, Phi, centre - Phi @ centre, noise, R, freedom)
 
 
 def move(state, tau):
@@ -136,7 +154,7 @@ def move(state, tau):
     x, vx, y, vy, cx, cy, w = state
     c = np.cos(w * tau)
     s = np.sin(w * tau)
-    ratio = s / w if w else tau
+    ratio = tau * np.sinc(w * tau / np.pi)
     return np.array(
         [
             cx + c * (x - cx) + ratio * vx,
@@ -155,18 +173,8 @@ def turn_state(anchor, signed_radius):
     vy].
     """
     x, vx, y, vy = anchor
-    v = np.sqrt(vx * vx + vy * vy)
-    return np.array(
-        [
-            x,
-            vx,
-            y,
-            vy,
-            x - signed_radius * vy / v,
-            y + signed_radius * vx / v,
-            v / abs(signed_radius),
-        ]
-    )
+    w = np.sqrt(vx * vx + vy * vy) / signed_radius
+    return np.array([*anchor, x - vy / w, y + vx / w, w])
 
 
 def jacobian(function, state):
@@ -186,82 +194,66 @@ class MatrixExtendedKalmanFilter(MatrixFilter):
         # A drift moves x and the x of the centre by the same way, and likewise y.
         for moved in ([1, 0, 0, 0, 1, 0, 0], [0, 0, 1, 0, 0, 1, 0]):
             self.Q = self.Q + drift * np.outer(moved, moved)
-        if signed_radius == 0.0:
-            self.x = np.array([*anchor, 0.0, 0.0, 0.0])
-            J = np.eye(7)[:, :4]
-        else:
+        self.x, self.slopes = np.array([*anchor, 0.0, 0.0, 0.0]), np.eye(7)[:, :4]
+        if signed_radius != 0.0:
             self.x = turn_state(anchor, signed_radius)
-            J = jacobian(lambda state: turn_state(state, signed_radius), np.array(anchor))
-        self.P = J @ P @ J.T
+            self.slopes = jacobian(lambda state: turn_state(state, signed_radius), np.array(anchor))
+        self.P = self.slopes @ P @ self.slopes.T
 
-    @property
-    def s(self):
-        """The state."""
-        return self.x
-
-    def predicted(self):
-        """Return state and covariance one tick later."""
+    def linearised(self):
+        """See `MatrixFilter`."""
         F = jacobian(lambda state: move(state, self.tau), self.x)
         # The turn rate of the straight line is exactly zero.
         if self.x[6] == 0.0:
             F[:4, 6] = 0.0
-        return move(self.x, self.tau), F @ self.P @ F.T + self.Q
+        return move(self.x, self.tau), F, self.Q
+
+
+def merged(weights, parts):
+    """Return mean and covariance of a mixture of (state, covariance)."""
+    states, spreads = map(np.array, zip(*parts, strict=True))
+    mean = weights @ states
+    apart = states - mean
+    return mean, np.einsum("k,kij->ij", weights, spreads + apart[:, :, None] * apart[:, None])
 
 
 class LiteralImm:
-    """IMM as in Blom & Bar-Shalom 1988: mixing, filtering, probabilities, output, with
-    probabilities.
+    """IMM as in Blom & Bar-Shalom 1988: mixing, filtering, probabilities, output.
+
+    A subclass has `predicted`, the state and covariance of filter j one tick later.
     """
 
-    # See `MatrixFilter`.
+    # See `correct`.
+    seen = (0, 2)
     rates = ()
+    freedom = 0
 
-    def __init__(self, estimate, P, curvatures, transition, tau, Q, R, freedom=0, drift=0):
-        self.freedom = freedom
-        self.curvatures, self.transition, self.tau = curvatures, transition, tau
-        self.GQG, self.R = np.diag([drift, Q, drift, Q]), np.diag(R)
-        self.states = [np.array(estimate) for _ in curvatures]
-        self.covariances = [np.array(P) for _ in curvatures]
-        self.probability = np.full(len(curvatures), 1.0 / len(curvatures))
+    def __init__(self, parts, transition, R):
+        self.parts, self.transition, self.R = parts, transition, R
+        self.probability = np.full(len(parts), 1.0 / len(parts))
 
     def mixed(self, j, weights):
         """Return state and covariance in which filter j begins a tick."""
-        return self.merged(weights)
-
-    def predicted(self, j, x, P):
-        """Return the prediction of filter j."""
-        F = turn_matrix(x, self.curvatures[j], self.tau)
-        return F @ x, F @ P @ F.T + self.GQG
+        return merged(weights, self.parts)
 
     def stands(self, j):
         """Whether the object stands in mode j."""
         return False
 
-    def merged(self, weights):
-        """Return mean and covariance of the mixture of the filters."""
-        mean = sum(w * x for w, x in zip(weights, self.states, strict=True))
-        spread = sum(
-            w * (P + np.outer(x - mean, x - mean))
-            for w, x, P in zip(weights, self.states, self.covariances, strict=True)
-        )
-        return mean, spread
-
     def step(self, z):
         """One tick; a measurement None only predicts."""
         prior = self.transition.T @ self.probability
         weights = self.transition * self.probability[:, None] / prior
-        mixed = [self.mixed(j, column) for j, column in enumerate(weights.T)]
-        self.log_likelihood = np.zeros(len(prior))
-        for j, begun in enumerate(mixed):
-            x, P = self.predicted(j, *begun)
-            if z is not None or self.rates:
-                heavy = self.freedom, self.stands(j)
-                x, P, likelihood = correct(x, P, z, self.R, self.rates, *heavy)
-                self.log_likelihood[j] = likelihood
-            self.states[j], self.covariances[j] = x, P
+        begun = [self.mixed(j, column) for j, column in enumerate(weights.T)]
+        corrected = [
+            correct(*self.predicted(j, *start), z, self, self.stands(j))
+            for j, start in enumerate(begun)
+        ]
+        self.parts = [(x, P) for x, P, _ in corrected]
+        self.log_likelihood = np.array([likelihood for *_, likelihood in corrected])
         self.probability = prior * np.exp(self.log_likelihood - self.log_likelihood.max())
         self.probability /= self.probability.sum()
-        self.estimate, self.covariance = self.merged(self.probability)
+        self.estimate, self.covariance = merged(self.probability, self.parts)
 
 
 def turn_matrix(state, curvature, tau):
@@ -269,54 +261,8 @@ def turn_matrix(state, curvature, tau):
     a = curvature * math.hypot(state[1], state[3]) * tau
     C = math.cos(a)
     S = math.sin(a)
-    along, across = (tau * S / a, tau * (1 - C) / a) if a else (tau, 0.0)
+    along, across = tau * S / a, tau * (1 - C) / a
     return np.array([[1, along, 0, -across], [0, C, 0, -S], [0, across, 1, along], [0, S, 0, C]])
-
-
-def transition_matrix(M, hazard):
-    matrix = np.full((M, M), hazard / (M - 1))
-    np.fill_diagonal(matrix, 1 - hazard)
-    return matrix
-
-
-def step_filters(filters, env, i, measurement):
-    """Advance the filters of track i; a measurement of NaN only predicts."""
-    noise, rates = (env.world.field(name)[i] for name in ("noise", "rates"))
-    variance = np.sqrt(np.broadcast_to(env.options.variances, 2))
-    missing = np.isnan(measurement).any()
-    measured = []
-    for sensor in env.options.sensors:
-        seen, rates = rates[: sensor.rates], rates[sensor.rates :]
-        if sensor.rates == 2:
-            measured.append((seen, None, math.sqrt(sensor.velocity_variance)))
-        elif sensor.rates == 1 and sensor.places:
-            measured.append((seen[0], sensor.position, sensor.rate_deviation))
-        elif sensor.rates == 1:
-            kind = "bearing" if sensor.range_deviation is None else "range"
-            deviation = sensor.range_deviation or sensor.bearing_deviation
-            measured.append((seen[0], sensor.position, deviation, kind))
-    for kalman in filters:
-        ratio = np.eye(2) if missing else noise[[[0, 1], [1, 2]]]
-        kalman.R = ratio * np.outer(variance, variance)
-        kalman.rates = [each for each in measured if not np.isnan(each[0]).any()]
-        kalman.step(None if missing else measurement)
-
-
-BANK = {
-    "log_likelihood": lambda kalman: kalman.log_likelihood,
-    # Zero without a measurement, where the mask says so.
-    "innovations": lambda kalman: np.nan_to_num(kalman.innovation),
-    "innovation_covariances": lambda kalman: kalman.Sigma,
-    "estimates": lambda kalman: kalman.x[:4],
-    "covariances": lambda kalman: kalman.P[:4, :4],
-}
-"""What the info of an environment says of a filter of its bank."""
-
-
-def bank_values(filters):
-    """Yield names of the info, with the values of filters, a list for each track."""
-    for name, value in BANK.items():
-        yield name, np.array([[value(kalman) for kalman in of_track] for of_track in filters])
 
 
 def normalized_squares(errors, covariances):

@@ -2,13 +2,17 @@
 form.
 """
 
+import math
+
 import numpy as np
 from matrix_filters import (
+    LinearFilter,
     LiteralImm,
     MatrixExtendedKalmanFilter,
     MatrixFilter,
     MatrixKalmanFilter,
     jacobian,
+    merged,
     turn_matrix,
 )
 from scipy import linalg
@@ -32,6 +36,8 @@ SCALES = {
 # Singular and correlated, of [x, vx, y, vy], in standard deviations of a measurement and of the
 # process noise.
 ROOT = np.array([[0.1, 0.0, 0.0], [0.5, 1.0, 0.0], [0.0, -0.1, 0.1], [0.3, 0.0, 2.0]])
+# Places of [x, vx, y, vy, ax, ay], the states of the filters here, in those of a mode.
+ORDER = [0, 1, 3, 4, 2, 5]
 
 
 class Halt(Mode):
@@ -47,101 +53,114 @@ def continuous(A, tau):
     return linalg.expm(tau * np.array(A, float))
 
 
-def described(scale):
-    """Return modes of all kinds at a scale, each with its F, B and Q in the order of its states,
-    and with its acceleration along the heading; a turn of a radius has none of them.
-    """
+def every_mode(scale="car"):
+    """Return modes of all kinds."""
     speed, tau, Q, R = SCALES[scale].values()
-    noise = np.diag([0.0, Q, 0.0, Q])
-    axis = [[0, 1, 0], [0, 0, 1], [0, 0, 0]]
-    constant = continuous(linalg.block_diag(axis, axis), tau)
-    constant_noise = np.diag([0.0, Q, 0.0, 0.0, Q, 0.0])
-    rate, gain = -0.06 / tau, 0.01 * speed / tau
-    turning = [[0, 1, 0, 0], [0, 0, 0, -rate], [0, 0, 0, 1], [0, rate, 0, 0]]
+    gain = 0.01 * speed / tau
     # To a wind, with noise of its own on all states.
-    slower = [[0, 1], [0, -0.005 / tau]]
-    drag = continuous(linalg.block_diag(slower, slower), tau)
+    drag = continuous(np.kron(np.eye(2), [[0, 1], [0, -0.005 / tau]]), tau)
     wind = np.array([0.0, 0.002 * speed, 0.0, -0.001 * speed])
     root = np.sqrt([R, Q, R, Q])[:, None] * ROOT
     # Accelerations as in Singer 1970.
-    held = [[0, 1, 0], [0, 0, 1], [0, 0, -0.2 / tau]]
-    singer = continuous(linalg.block_diag(held, held), tau)
+    singer = continuous(np.kron(np.eye(2), [[0, 1, 0], [0, 0, 1], [0, 0, -0.2 / tau]]), tau)
     singer_noise = np.diag([0.0, 0.0, 0.3, 0.0, 0.0, 0.3]) * gain**2
-    straight = continuous(np.kron(np.eye(2), [[0, 1], [0, 0]]), tau)
-    zero = np.zeros(4)
-    return {
-        Straight(): (straight, zero, noise, 0.0),
-        Turn(15 * speed * tau): None,
-        Turn(-25 * speed * tau): None,
-        Stop(): (np.eye(4), zero, noise, 0.0),
-        Halt(): (np.diag([1.0, 0.0, 1.0, 0.0]), zero, noise, 0.0),
-        Accelerate(gain): (constant, np.zeros(6), constant_noise, gain),
-        Accelerate(-0.3 * gain): (constant, np.zeros(6), constant_noise, -0.3 * gain),
-        TurnRate(rate): (continuous(turning, tau), zero, noise, 0.0),
-        LinearMode(drag, wind, root @ root.T, name="drag"): (drag, wind, root @ root.T, 0.0),
-        LinearMode(singer, None, singer_noise, name="singer"): (
-            singer,
-            np.zeros(6),
-            singer_noise,
-            0.0,
-        ),
-    }
+    return (
+        Straight(),
+        Turn(15 * speed * tau),
+        Turn(-25 * speed * tau),
+        Stop(),
+        Halt(),
+        Accelerate(gain),
+        Accelerate(-0.3 * gain),
+        TurnRate(-0.06 / tau),
+        LinearMode(drag, wind, root @ root.T, name="drag"),
+        LinearMode(singer, None, singer_noise, name="singer"),
+    )
 
 
-def every_mode(scale="car"):
-    """Return modes of all kinds."""
-    return tuple(described(scale))
+def noise_of(options):
+    """Return Q of [x, vx, y, vy]."""
+    return np.diag(2 * [options.drift_variance, options.process_variance])
 
 
-class LinearFilter(MatrixFilter):
-    """A Kalman filter of x' = F x + B + w of the state [x, vx, y, vy], or [x, vx, ax, y, vy, ay]
-    with an acceleration along the heading of the anchor.
+def literal_matrices(mode, options):
+    """Return F, B and Q of a mode of the plane in the order of the filter, and its acceleration
+    along the heading; a turn of a radius has none of them.
     """
-
-    def __init__(self, anchor, P, matrices, exact, freedom=0):
-        self.F, self.B, self.Q, acceleration = matrices
-        self.freedom = freedom
-        self.x, self.P = np.array(anchor), np.array(P)
-        if len(self.F) == 6:
-
-            def begun(state):
-                x, vx, y, vy = state
-                a = acceleration / np.sqrt(vx * vx + vy * vy)
-                return np.array([x, vx, a * vx, y, vy, a * vy])
-
-            self.x = begun(self.x)
-            J = np.delete(np.eye(6), [2, 5], axis=1) if exact else jacobian(begun, anchor)
-            self.P = J @ P @ J.T
-        # In the order [x, vx, y, vy, ax, ay] from here on.
-        order = [0, 1, 3, 4, 2, 5] if len(self.F) == 6 else range(4)
-        self.x, self.B = self.x[order], self.B[order]
-        self.F, self.P, self.Q = (A[np.ix_(order, order)] for A in (self.F, self.P, self.Q))
-
-    def predicted(self):
-        """Return state and covariance one tick later."""
-        return self.F @ self.x + self.B, self.F @ self.P @ self.F.T + self.Q
+    tau, noise = options.tau, noise_of(options)
+    if isinstance(mode, Turn):
+        return None
+    if isinstance(mode, Accelerate):
+        F, B = continuous(np.kron(np.eye(2), np.eye(3, k=1)), tau), np.zeros(6)
+        noise = np.diag([0.0, noise[1, 1], 0.0, 0.0, noise[3, 3], 0.0])
+    elif isinstance(mode, LinearMode | Halt):
+        F, B, own = mode.matrices(tau)
+        noise = noise if own is None else own
+    else:
+        w = getattr(mode, "rate", 0.0)
+        turning = [[0, 1, 0, 0], [0, 0, 0, -w], [0, 0, 0, 1], [0, w, 0, 0]]
+        F = np.eye(4) if isinstance(mode, Stop) else continuous(turning, tau)
+        B = np.zeros(4)
+    if len(F) == 6:
+        F, B, noise = F[np.ix_(ORDER, ORDER)], B[ORDER], noise[np.ix_(ORDER, ORDER)]
+    return F, B, noise, getattr(mode, "acceleration", 0.0)
 
 
-def filter_of_mode(options, mode, anchor, P, exact=False):
-    """Return the filter of a mode of options; an exact anchor has no error of the centre of a
-    turn.
+def filter_of_mode(options, number, anchor, P, exact=False):
+    """Return the filter of a mode in the plane; an exact anchor has no error of the centre of a
+    turn, nor of an acceleration.
     """
-    motion, Q = options.all_modes[mode], options.process_variance
-    R = np.broadcast_to(options.variances, 2)
-    if isinstance(motion, (Stop, Accelerate)):
-        F, B, _ = motion.matrices(options.tau)
-        noise = np.kron(np.eye(2), np.diag([0.0, Q, 0.0][: len(F) // 2]))
-        given = F, B, noise, motion.starting_acceleration
-        kalman = LinearFilter(anchor, P, given, exact=True, freedom=options.freedom)
-        kalman.R = R
-        return kalman
-    kind = MatrixKalmanFilter if exact else MatrixExtendedKalmanFilter
-    return kind(anchor, P, motion.signed_radius, options.tau, Q, R, options.freedom)
+    mode = options.all_modes[number].planar
+    R, freedom = np.broadcast_to(options.variances, 2), options.freedom
+    given = literal_matrices(mode, options)
+    if given is None:
+        turn = anchor, P, mode.signed_radius, options.tau, options.process_variance, R, freedom
+        if exact:
+            return MatrixKalmanFilter(*turn)
+        return MatrixExtendedKalmanFilter(*turn, options.drift_variance)
+    F, B, Q, acceleration = given
+    x = np.array(anchor)
+    if len(F) == 6:
+
+        def begun(state):
+            _, vx, _, vy = state
+            a = acceleration / np.sqrt(vx * vx + vy * vy)
+            return np.array([*state, a * vx, a * vy])
+
+        J = np.eye(6)[:, :4] if exact else jacobian(begun, x)
+        x, P = begun(x), J @ P @ J.T
+    kalman = LinearFilter(x, P, F, B, Q, R, freedom)
+    kalman.stands = isinstance(mode, Stop)
+    return kalman
 
 
-def filters_of_modes(env, i, matrices):
-    """Return the filters of track i, before the first tick of its segment. matrices: see
-    `described`; straight motion may have none, too.
+class SpatialFilter(MatrixFilter):
+    """A filter of the states of one of the plane and of [z, vz], with full matrices."""
+
+    seen = (0, 2, -2)
+
+    def __init__(self, plane, options, rate, height, variance):
+        self.plane, self.options = plane, options
+        self.x = np.append(plane.x, [height, rate])
+        self.P = linalg.block_diag(plane.P, np.diag([variance, 0.0]))
+
+    def linearised(self):
+        """See `MatrixFilter`."""
+        self.plane.x = self.x[:-2]
+        moved, F, Q = self.plane.linearised()
+        rising, noise = vertical(self.options)
+        x = np.append(moved, rising @ self.x[-2:])
+        return x, linalg.block_diag(F, rising), linalg.block_diag(Q, noise)
+
+
+def vertical(options):
+    """Return F and Q of [z, vz]."""
+    return np.array([[1.0, options.tau], [0.0, 1.0]]), np.diag([0.0, options.climb_variance])
+
+
+def filters_of_modes(env, i, variance):
+    """Return the filters of track i, before the first tick of its segment. variance: of the height
+    of the anchor.
     """
     options = env.options
     exact = options.bank != "anchor_aware"
@@ -152,61 +171,89 @@ def filters_of_modes(env, i, matrices):
     # Which filters each axis by itself.
     if options.bank_class is PublishedBank:
         P = P * np.kron(np.eye(2), np.ones((2, 2)))
-    freedom = options.freedom
-    filters = []
-    for mode, given in matrices.items():
-        turn = (mode.signed_radius, options.tau, options.process_variance, None, freedom)
-        if given is not None:
-            filters.append(LinearFilter(anchor, P, given, exact, freedom))
-            filters[-1].stands = isinstance(mode, Stop)
-        elif exact:
-            filters.append(MatrixKalmanFilter(anchor, P, *turn))
-        else:
-            filters.append(MatrixExtendedKalmanFilter(anchor, P, *turn, options.drift_variance))
+    filters = [filter_of_mode(options, k, anchor, P, exact) for k in range(options.hypotheses)]
+    if options.climbs:
+        height = env.world.field("anchor_height")[i]
+        filters = [
+            SpatialFilter(kalman, options, mode.rate, height, variance)
+            for kalman, mode in zip(filters, options.all_modes, strict=True)
+        ]
     return filters
 
 
 class ImmOfModes(LiteralImm):
-    """The same for any modes and any transition matrix. Filters have the states [x, vx, y, vy, ax,
-    ay]; accelerations are those of a mode, and 0 at a switch.
+    """The IMM of modes, with the states [x, vx, y, vy, ax, ay, z, vz].
+
+    Accelerations are those of a mode, and 0 at a switch; a filter brings its height to the others,
+    whose modes have their rates. Plane and height stay uncorrelated.
     """
 
-    def __init__(self, estimate, P, matrices, transition, tau, Q, freedom=0):
-        self.modes = list(matrices.items())
-        start = np.append(estimate, [0.0, 0.0]), linalg.block_diag(P, np.zeros((2, 2)))
-        super().__init__(*start, self.modes, transition, tau, Q, (1.0, 1.0), freedom)
-        self.GQG = linalg.block_diag(self.GQG, np.zeros((2, 2)))
+    def __init__(self, estimate, P, options, transition):
+        self.options, self.freedom = options, options.freedom
+        self.given = [literal_matrices(mode.planar, options) for mode in options.all_modes]
+        self.rates_up = [getattr(mode, "rate", 0.0) * options.climbs for mode in options.all_modes]
+        start = linalg.block_diag(P, np.zeros((4, 4)))
+        parts = [(np.array([*estimate, 0.0, 0.0, 0.0, rate]), start) for rate in self.rates_up]
+        super().__init__(parts, transition, np.diag(np.broadcast_to(options.variances, 2)))
+        if options.climbs:
+            self.seen = (0, 2, 6)
 
     def stands(self, j):
         """Whether the object stands in mode j."""
-        return isinstance(self.modes[j][0], Stop)
+        return isinstance(self.options.all_modes[j].planar, Stop)
 
     def mixed(self, j, weights):
         """Return state and covariance in which filter j begins a tick."""
-        without = np.diag([1.0, 1.0, 1.0, 1.0, 0.0, 0.0])
-        parts = [np.eye(6) if g == j else without for g in range(len(weights))]
-        kept = self.states, self.covariances
-        self.states = [A @ x for A, x in zip(parts, self.states, strict=True)]
-        self.covariances = [A @ P @ A for A, P in zip(parts, self.covariances, strict=True)]
-        begun = self.merged(weights)
-        self.states, self.covariances = kept
-        return begun
+        kept = np.diag([1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0])
+        rate = np.append(np.zeros(7), self.rates_up[j])
+        parts = [(kept @ x + rate, kept @ P @ kept) for x, P in self.parts]
+        parts[j] = self.parts[j]
+        mean, spread = merged(weights, parts)
+        spread[:6, 6:] = spread[6:, :6] = 0.0
+        return mean, spread
 
     def predicted(self, j, x, P):
         """Return the prediction of filter j."""
-        mode, given = self.modes[j]
+        options = self.options
+        given = self.given[j]
         if given is None:
-            F = linalg.block_diag(
-                turn_matrix(x, 1 / mode.signed_radius, self.tau), np.zeros((2, 2))
-            )
-            return F @ x, F @ P @ F.T + self.GQG
+            F = turn_matrix(x, 1 / options.all_modes[j].signed_radius, options.tau)
+            given = F, np.zeros(4), noise_of(options), 0.0
         F, B, Q, acceleration = given
-        if len(F) == 4:
-            F, Q = (linalg.block_diag(A, np.zeros((2, 2))) for A in (F, Q))
-            return F @ x + np.append(B, [0.0, 0.0]), F @ P @ F.T + Q
-        order = [0, 1, 3, 4, 2, 5]
-        F, Q = (A[np.ix_(order, order)] for A in (F, Q))
         if acceleration:
-            x = np.append(x[:4], acceleration * x[[1, 3]] / np.hypot(x[1], x[3]))
-            P = linalg.block_diag(P[:4, :4], np.zeros((2, 2)))
-        return F @ x + B[order], F @ P @ F.T + Q
+            x = np.array([*x[:4], *acceleration * x[[1, 3]] / math.hypot(x[1], x[3]), *x[6:]])
+            P[4:6] = P[:, 4:6] = 0.0
+        rising, noise = vertical(options)
+        without = np.zeros((6 - len(F), 6 - len(F)))
+        F, Q = (linalg.block_diag(A, without, C) for A, C in ((F, rising), (Q, noise)))
+        return F @ x + np.append(B, np.zeros(8 - len(B))), F @ P @ F.T + Q
+
+
+def step_filters(filters, env, i):
+    """Advance the filters of track i by what is measured in the tick."""
+    options = env.options
+    z, noise, rates = (env.world.field(name)[i] for name in ("measurement", "noise", "rates"))
+    deviations = np.sqrt(np.broadcast_to(options.variances, 2))
+    missing = np.isnan(z).any()
+    ratio = np.eye(2) if missing else noise[[[0, 1], [1, 2]]]
+    R = ratio * np.outer(deviations, deviations)
+    if options.climbs:
+        z, R = (
+            np.append(z, env.world.field("height")[i]),
+            linalg.block_diag(R, options.height_variance),
+        )
+    measured = []
+    for sensor in options.sensors:
+        seen, rates = rates[: sensor.rates], rates[sensor.rates :]
+        if sensor.rates == 2:
+            measured.append((seen, None, math.sqrt(sensor.velocity_variance)))
+        elif sensor.rates == 1 and sensor.places:
+            measured.append((seen[0], sensor.position, sensor.rate_deviation))
+        elif sensor.rates == 1:
+            kind = "bearing" if sensor.range_deviation is None else "range"
+            deviation = sensor.range_deviation or sensor.bearing_deviation
+            measured.append((seen[0], sensor.position, deviation, kind))
+    for kalman in filters:
+        kalman.R = R
+        kalman.rates = [each for each in measured if not np.isnan(each[0]).any()]
+        kalman.step(None if missing else z)

@@ -1,4 +1,4 @@
-"""README.md in the repository and as the description on a package index; the console script."""
+"""README.md as the description on a package index, the wheel, and commands without an extra."""
 
 import importlib.util
 import re
@@ -10,7 +10,6 @@ import pytest
 from setuptools import find_packages
 
 from agents.cli import main
-from hybrid_env import console
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -35,43 +34,6 @@ def test_the_wheel_has_the_three_packages_only():
     packages = {name.partition(".")[0] for name in find_packages(str(ROOT), include=chosen)}
 
     assert packages == {"hybrid_env", "baselines", "agents"}
-
-
-def test_the_version_is_that_of_the_distribution(monkeypatch, capsys):
-    monkeypatch.setattr("sys.argv", ["hybridtrack", "--version"])
-    # No command is loaded.
-    monkeypatch.setattr(console.importlib, "import_module", None)
-
-    assert console.main() == 0
-    assert capsys.readouterr().out == f"hybridtrack {console.metadata.version('hybrid-track')}\n"
-
-
-def test_an_interrupt_while_the_commands_load_is_one_line(monkeypatch, capsys):
-    def interrupt(name):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(console.importlib, "import_module", interrupt)
-
-    assert console.main() == 130
-    assert capsys.readouterr().err == "hybridtrack: interrupted\n"
-
-
-def test_the_help_without_the_extra_of_the_commands_says_how_to_install_it(monkeypatch, capsys):
-    monkeypatch.setitem(sys.modules, "tyro", None)
-    monkeypatch.delitem(sys.modules, "agents.cli", raising=False)
-    advice = "tyro is missing: this needs the extra [agents]: pip install 'hybrid-track[agents]'\n"
-
-    monkeypatch.setattr("sys.argv", ["hybridtrack", "--help"])
-    assert console.main() == 0
-    told = capsys.readouterr().out
-    assert told.startswith("commands: train, evaluate,")
-    assert told.endswith(advice)
-    monkeypatch.setattr("sys.argv", ["hybridtrack", "score", "--help"])
-    assert console.main() == 0
-    assert "hybridtrack score truth.csv" in capsys.readouterr().out
-    monkeypatch.setattr("sys.argv", ["hybridtrack", "score", "truth.csv"])
-    assert console.main() == 2
-    assert capsys.readouterr().err == f"hybridtrack: {advice}"
 
 
 @pytest.mark.parametrize(

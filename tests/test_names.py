@@ -7,13 +7,10 @@ import importlib
 import re
 import subprocess
 import sys
-import tomllib
 from collections import Counter
 from pathlib import Path
 
 import pytest
-
-from hybrid_env import extras
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("hybrid_env", "baselines", "agents")
@@ -85,54 +82,3 @@ def test_no_public_name_is_defined_twice():
 @pytest.mark.parametrize(("package", "name"), NAMES)
 def test_each_name_is_imported_alone_in_a_fresh_process(package, name):
     python(f"from {package} import {name}")
-
-
-def test_a_live_tracker_needs_pyproj_for_latitudes_only():
-    told = python(
-        """
-import sys
-sys.modules["pyproj"] = None
-import baselines.recordings.tracker, baselines.recordings.settings
-from baselines.recordings.projection import Projection
-try:
-    Projection(48.0, 11.0).forward(48.1, 11.1)
-except ImportError as error:
-    print(error)
-"""
-    )
-
-    assert told == (
-        "pyproj is missing: this needs the extra [recordings]:"
-        " pip install 'hybrid-track[recordings]'\n"
-    )
-
-
-def test_the_checker_of_gymnasium_needs_no_matplotlib():
-    python(
-        """
-import sys
-sys.modules["matplotlib"] = None
-import gymnasium
-from gymnasium.utils.env_checker import check_env
-check_env(gymnasium.make("hybrid_env:HybridTrack-v0").unwrapped)
-"""
-    )
-
-
-@pytest.mark.parametrize(
-    ("module", "extra"),
-    [
-        ("yaml", "agents"),
-        ("matplotlib.figure", "play"),
-        ("sb3_contrib", "recurrent"),
-        ("numpy", None),
-    ],
-)
-def test_a_missing_module_is_explained_by_its_extra(module, extra, monkeypatch):
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    lines = [*project["dependencies"]]
-    for name, wanted in project["optional-dependencies"].items():
-        lines += [f'{requirement}; extra == "{name}"' for requirement in wanted]
-    monkeypatch.setattr(extras.metadata, "requires", lambda distribution: lines)
-
-    assert extras.extra_of(module) == extra

@@ -1,7 +1,6 @@
 """The bound on the reward of rules for announced switches."""
 
 import gymnasium as gym
-import numpy as np
 import pytest
 
 from agents import evaluate, find_decider, sweep, task_of
@@ -19,15 +18,6 @@ def test_no_threshold_of_a_rule_earns_more_than_the_bound_and_the_best_comes_nea
     less = [bound.difference(rule, mean("reward"), 0, index) for index in rewards]
     assert min(each.high for each in less) > 0.0
     assert min(each.low for each in less) < 0.02
-
-
-def test_fewer_decisions_have_a_lower_bound():
-    every, eighth = (
-        bound_scores(task_of("hybrid_env:HybridTrackBank-v0", {"decide_every": ticks}), 20, 0)
-        for ticks in (1, 8)
-    )
-    assert (eighth.values <= every.values).all()
-    assert np.all(every.values < 1.0)
 
 
 def test_the_reward_threshold_of_the_id_is_the_return_of_the_best_rule():

@@ -4,11 +4,6 @@ import os
 import subprocess
 import sys
 
-import pytest
-
-from agents.cli import main
-from agents.commands import COMMANDS
-
 
 def test_a_reader_that_closes_the_output_ends_the_command_quietly():
     end, closed = os.pipe()
@@ -30,11 +25,3 @@ def test_a_reader_that_closes_the_output_ends_the_command_quietly():
     # Progress, and what is compiled the first time.
     others = ("Loading", "0:00:", "HybridTrack: compiling")
     assert [text for text in done.stderr.splitlines() if not text.startswith(others)] == []
-
-
-@pytest.mark.parametrize("name", COMMANDS)
-def test_the_help_of_a_command_fits_a_terminal_of_80_columns(name, monkeypatch, capsys):
-    monkeypatch.setenv("COLUMNS", "80")
-
-    assert main([name, "--help"]) == 0
-    assert max(map(len, capsys.readouterr().out.splitlines())) <= 80

@@ -1,6 +1,5 @@
 """The commands as Python functions give what the commands give."""
 
-import functools
 import json
 
 import numpy as np
@@ -11,7 +10,7 @@ from small_training import SMALL_PPO
 import agents
 from agents.cli import main
 from baselines import MSPRTDecider
-from hybrid_env import ArgumentError, StudentNoise
+from hybrid_env import StudentNoise
 
 WORLD = {"scheme": "S20 L30r5"}
 
@@ -34,16 +33,6 @@ def test_evaluate_returns_the_figures_of_the_command(tmp_path):
         assert again["accuracy"].as_json() == figures["accuracy"]
 
 
-def test_an_agent_is_trained_and_evaluated(tmp_path):
-    agent = agents.train("ppo", steps=1280, changes=SMALL_PPO, out=tmp_path / "run", **WORLD)
-    metrics = agents.evaluate(agent, episodes=4, **WORLD)
-
-    again = agents.evaluate(str(tmp_path / "run"), episodes=4, **WORLD)
-    assert repr(again) == repr(metrics)
-    with pytest.raises(ArgumentError, match="is not allowed"):
-        agents.train("ppo", out=tmp_path / "run")
-
-
 @pytest.mark.parametrize(
     ("law", "text"), [(StudentNoise(3.0), "student_t 3"), (Rounded(0.25), "Rounded 0.25")]
 )
@@ -60,19 +49,3 @@ def test_compare_takes_names_and_functions():
 
     assert [entry.name for entry in result.entries] == ["MSPRT", "first"]
     assert result.picture().axes
-
-
-@pytest.mark.parametrize(
-    "function",
-    [
-        functools.partial(agents.compare, ["ate"]),
-        functools.partial(agents.evaluate, "ate"),
-        functools.partial(agents.load, "ate"),
-        functools.partial(agents.train, "ppo"),
-        functools.partial(agents.track_recording, None, np.zeros((5, 2))),
-        functools.partial(agents.as_vec_env, "HybridTrack-v0", 2),
-    ],
-)
-def test_a_keyword_that_does_not_exist_is_a_type_error_with_the_nearest_one(function):
-    with pytest.raises(TypeError, match=r"unexpected keyword argument 'mods': did you mean 'mod"):
-        function(mods="straight")

@@ -28,6 +28,7 @@ INVALID_ARGUMENTS = [
     ("play --out no/x.gif", "out='no/x.gif'"),
     ("track nofile.csv", "file='nofile.csv'"),
     ("track good.csv --columns x=z y=y", "columns='z'"),
+    ("track text.csv --bad-rows refuse", "line 3: rows whose position cannot be read"),
     ("track good.csv ./good.csv", "output folders of different names"),
     ("score good.csv good.csv", "no columns mode (its columns are x, y)"),
 ]
@@ -40,6 +41,7 @@ def test_invalid_arguments_are_refused_with_one_line_and_exit_code_2(
     monkeypatch.chdir(tmp_path)
     (tmp_path / "bad.txt").write_bytes(b"\x00\x01not a table")
     (tmp_path / "good.csv").write_text("x,y\n0,0\n1,1\n")
+    (tmp_path / "text.csv").write_text("t,x,y\n0,1,2\n1,east,3\n2,3,4\n")
     before = sorted(tmp_path.rglob("*"))
 
     assert main(shlex.split(line)) == 2

@@ -11,7 +11,7 @@ from hostile_input import accepted, counts
 from online_episodes import COMMON
 
 from baselines import BeamDecider, CusumDecider, MSPRTDecider, OnlineTracker, ThresholdDecider
-from hybrid_env import QuickestOptions, Sensor, WorldOptions
+from hybrid_env import QuickestOptions, Sensor, WorldOptions, simulate
 
 DISTURBED, STEADY = 40, 50
 DECIDERS = {
@@ -33,27 +33,27 @@ def follow(seed):
     generator = np.random.default_rng(seed)
     tracker = tracker_of(generator.choice(list(DECIDERS)), generator.choice(list(COMMON)))
     options, announced = tracker.options, tracker.track.announced
-    deviation, step = np.sqrt(options.variances), options.speed * options.tau
+    deviation = np.sqrt(options.variances)
     tracker.begin()
-    position = generator.normal(0.0, 1e3 * deviation.max(), 2)
-    heading = generator.uniform(-np.pi, np.pi)
-    turn = 0.0
-    measured = False
-    clock = 0.0
-    for k in range(DISTURBED + STEADY):
+    turn = f"L{DISTURBED}r{generator.choice(options.radii):.17g}"
+    run = simulate(
+        f"{turn} S{STEADY}",
+        seed=seed,
+        start=(0.0, options.speed, 0.0, 0.0),
+        tau=options.tau,
+        process_variance=options.process_variance,
+        measurement_variance=options.measurement_variance,
+    )
+    shift, measured, clock = np.zeros(2), False, 0.0
+    for k, point in enumerate(run.measurements[0]):
         kinds = ["errors", "jump", "missing", "late", "step", "no time", *[""] * 9]
         kind = generator.choice(kinds) if k < DISTURBED else ""
-        if generator.random() < 0.03 or k == DISTURBED:
-            side = generator.choice([0.0, 1.0, -1.0]) if k < DISTURBED else 0.0
-            turn = side * step / generator.choice(options.radii)
-            if announced:
-                tracker.switch()
+        if k == DISTURBED and announced:
+            tracker.switch()
         size = deviation.max() * 10.0 ** generator.uniform(0.0, 9.0)
-        heading += turn
-        position += step * np.array([np.cos(heading), np.sin(heading)])
-        position += generator.normal(0.0, size, 2) * (kind == "jump")
-        point = position + deviation * generator.normal(size=2)
-        point += generator.normal(0.0, size, 2) * (kind == "errors")
+        error = generator.normal(0.0, size, 2)
+        shift = shift + error * (kind == "jump")
+        point = point + shift + error * (kind == "errors")
         clock += options.tau
         if kind == "step":
             clock += options.tau * generator.normal() * 10.0 ** generator.uniform(0.0, 9.0)
@@ -67,6 +67,7 @@ def follow(seed):
     # A wrong declaration may lead such a track astray, without any error.
     if not announced:
         assert estimate.status == "used", seed
+        position = run.truth[0, -1, ::2] + shift
         error = np.hypot(*(estimate.estimate[::2] - position)) / deviation.max()
         assert error < 5.0, (seed, error)
 

@@ -43,11 +43,13 @@ def bank():
     return bank_of_points, lambda bank, k: bank.step(POINTS[k])
 
 
-def tracker(options, decider, lag=None):
+def tracker(options, decider, lag=None, points=POINTS):
     made = OnlineTracker(options, decider, lag=lag)
-    return made, lambda tracker, k: (*(now := tracker.update(POINTS[k]))[2:5], now.settled)
+    return made, lambda tracker, k: tuple(tracker.update(points[k]))
 
 
+HEIGHTS = np.column_stack([POINTS, 100.0 + POINTS[:, 0]])
+CLIMBS = "straight, left 5, climb 0.5, descend 0.3"
 QUICKEST = QuickestOptions()
 KINDS = {
     "environment": lambda: environment(gym.make("HybridTrack-v0").unwrapped),
@@ -57,6 +59,10 @@ KINDS = {
     ),
     "quickest modes and noise": lambda: environment(
         gym.make("HybridTrackQuickest-v0", modes=every_mode(), noise=Rounded()).unwrapped
+    ),
+    "climbs": lambda: environment(gym.make("HybridTrack-v0", modes=CLIMBS).unwrapped),
+    "quickest climbs": lambda: environment(
+        gym.make("HybridTrackQuickest-v0", modes=CLIMBS).unwrapped
     ),
     "drawn frames": lambda: environment(
         gym.make("HybridTrackQuickest-v0", render_mode="rgb_array").unwrapped
@@ -68,6 +74,7 @@ KINDS = {
     "bank": bank,
     "tracker": lambda: tracker(QUICKEST, ThresholdDecider()),
     "tracker of a beam": lambda: tracker(QUICKEST, BeamDecider(QUICKEST, branches=5)),
+    "tracker with heights": lambda: tracker(QUICKEST, ThresholdDecider(), points=HEIGHTS),
     "tracker with a lag": lambda: tracker(QUICKEST, ThresholdDecider(), lag=1),
     "announced tracker": lambda: tracker(WorldOptions(), SPRTDecider()),
     "tracker with filters": lambda: tracker(WorldOptions(), RefilteringDecider(WorldOptions())),

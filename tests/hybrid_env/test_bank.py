@@ -1,12 +1,12 @@
-"""The bank equals the joint normal law of all measurements; its filters in matrix form:
-`core/test_banks`.
+"""A bank of one's own equals the joint normal law of all measurements, and the bank of the
+environment; its filters in matrix form: `core/test_banks`.
 """
 
 import numpy as np
 import pytest
 from scipy import stats
 
-from hybrid_env import KalmanBank
+from hybrid_env import HybridTrackVectorEnv, KalmanBank
 
 
 def test_log_likelihood_equals_that_of_the_joint_normal_distribution_of_all_measurements():
@@ -35,3 +35,19 @@ def test_log_likelihood_equals_that_of_the_joint_normal_distribution_of_all_meas
     )
 
     assert log_likelihood[0] == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("modes", [{"radii": (2.0, 9.0)}, {"modes": "left 2, stop, accelerate 1"}])
+def test_a_bank_equals_that_of_the_environment(modes):
+    R = 0.1, 0.5
+    env = HybridTrackVectorEnv(
+        1, tick_info=True, bank_info=True, measurement_variance=R, scheme="random 1x40", **modes
+    )
+    _, info = env.reset(seed=8)
+    bank = KalmanBank(measurement_variance=R, **modes)
+    bank.anchor(info["anchor"][0])
+    for _ in range(30):
+        np.testing.assert_allclose(bank.step(info["measurement"][0]), info["log_likelihood"][0])
+        for name in ("innovations", "innovation_covariances", "estimates", "covariances"):
+            np.testing.assert_allclose(getattr(bank, name), info[name][0], rtol=1e-9, atol=1e-12)
+        *_, info = env.step(np.zeros(1, np.int64))

@@ -16,9 +16,11 @@ The anchor-aware bank is exact to first order in the relative error of the ancho
 import numpy as np
 import pytest
 from matrix_filters import FIVE_SIGMA, inside, normalized_squares
+from own_modes import SCALES, Halt, every_mode
 from scipy import stats
 
 from hybrid_env import HybridTrackVectorEnv
+from hybrid_env.modes import Climb, parse_modes
 
 TICKS = 60
 
@@ -26,6 +28,7 @@ EXACT_ANCHOR = {"initial_error": 0, "reset_covariance": False}
 TRUE_COVARIANCE = {"initial_error": (0.3, 0.02), "reset_covariance": False}
 SMALL_ERROR = {"initial_error": (0.3, 1e-4), "bank": "anchor_aware"}
 UNEQUAL = {"measurement_variance": (0.02, 0.3), "process_variance": 0.02}
+SENSORS = ["1.0", "0.4 period 2", "0.1 period 3"]
 WALKER = {
     "speed": 1.4,
     "tau": 1.0,
@@ -52,6 +55,7 @@ CASES = {
     "published, true covariance, straight, unequal noise": {"scheme": "S60"}
     | TRUE_COVARIANCE
     | UNEQUAL,
+    "published, fused sensors": {"scheme": "S60", "sensors": SENSORS} | TRUE_COVARIANCE,
     "anchor-aware, straight, unequal noise": {"scheme": "S60", "bank": "anchor_aware"} | UNEQUAL,
     "anchor-aware, exact anchor, turn": {"scheme": "L60r5", "bank": "anchor_aware"} | EXACT_ANCHOR,
     "anchor-aware, small error, fast turn": {"scheme": "R60r5", "speed": 20.0} | SMALL_ERROR,
@@ -108,3 +112,72 @@ INEXACT = [{"scheme": "L60r5"} | TRUE_COVARIANCE, {"scheme": "S60"}]
 def test_the_same_bounds_are_exceeded_where_the_model_is_not_exact(options):
     white, _ = run(1000, 2018, **options)
     assert not inside((white**2).sum(), white.size)
+
+
+def squares_of_true_modes(tracks, scale, climbs=False, **options):
+    """Return the normalized squared errors of innovations and estimates, {mode: (2, n)}.
+
+    They are those of the filter of the true mode at the 20th tick of every segment: ticks of one
+    segment are correlated. Its true mode is declared, so that the next anchor is that of its
+    filter. The object never loses its velocity, of which turns and accelerations have their
+    heading.
+    """
+    chosen = SCALES[scale] | options
+    modes = tuple(mode for mode in every_mode(scale) if not isinstance(mode, Halt))
+    if climbs:
+        speed = chosen["speed"]
+        modes = parse_modes([*modes[:2], modes[4], Climb(0.1 * speed), Climb(-0.05 * speed)])
+        chosen["climb_variance"] = chosen["process_variance"]
+        chosen["height_variance"] = chosen["measurement_variance"]
+    env = HybridTrackVectorEnv(
+        tracks,
+        modes=modes,
+        tick_info=True,
+        bank_info=True,
+        bank="anchor_aware",
+        scheme="random 3x40",
+        initial_error=(0.3, (0.02 * chosen["speed"]) ** 2),
+        **chosen,
+    )
+    squares = {mode: [] for mode in modes}
+    _, info = env.reset(seed=1)
+    every = np.arange(tracks)
+    for tick in range(3 * 20):
+        true = info["true_mode"]
+        if tick % 20 == 19:
+            assert (info["tick"] == 20).all()
+            both = [
+                normalized_squares(info[name][every, true] - truth, info[spread][every, true])
+                for name, spread, truth in (
+                    ("innovations", "innovation_covariances", 0.0),
+                    ("estimates", "covariances", info["truth"]),
+                )
+            ]
+            if climbs:
+                error = info["heights"][every, true] - info["true_height"]
+                both[1] += normalized_squares(error, info["height_covariances"][every, true])
+            for index, mode in enumerate(modes):
+                squares[mode].append(np.array(both)[:, true == index])
+        *_, info = env.step(np.where(tick % 20 == 19, true + 1, 0))
+    return {mode: np.hstack(parts) for mode, parts in squares.items()}
+
+
+@pytest.mark.parametrize("climbs", [False, True], ids=["plane", "climbs"])
+@pytest.mark.parametrize("scale", SCALES)
+@pytest.mark.parametrize(
+    "tracks",
+    [pytest.param(4_000, id="quick"), pytest.param(50_000, id="study", marks=pytest.mark.study)],
+)
+def test_the_filter_of_the_true_mode_is_consistent_at_every_scale(tracks, scale, climbs):
+    for mode, (innovations, errors) in squares_of_true_modes(tracks, scale, climbs).items():
+        assert innovations.size > 0.25 * tracks
+        assert inside(innovations.sum(), 2 * innovations.size), (mode, innovations.mean() / 2)
+        freedom = 6 if climbs else 4
+        assert inside(errors.sum(), freedom * errors.size), (mode, errors.mean() / freedom)
+
+
+def test_the_same_bounds_are_exceeded_by_an_object_with_more_noise():
+    # A mode with noise of its own has it in object and filter.
+    larger = 4.0 * SCALES["car"]["process_variance"]
+    for mode, (_, errors) in squares_of_true_modes(4_000, "car", object_variance=larger).items():
+        assert inside(errors.sum(), 4 * errors.size) == (mode.name in ("drag", "singer")), mode

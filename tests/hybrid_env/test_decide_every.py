@@ -98,8 +98,6 @@ def test_statements_hold_for_so_many_ticks():
 @pytest.mark.parametrize(
     ("env_id", "options", "allowed"),
     [
-        ("HybridTrack-v0", {"decide_every": 0}, ">= 1"),
-        ("HybridTrack-v0", {"decide_every": 2.5}, "integer"),
         ("HybridTrack-v0", {"decide_every": 51}, "at most 50"),
         ("HybridTrack-v0", {"decide_every": 6, "scheme": "S7 L5r5"}, "at most 5"),
         ("HybridTrackQuickest-v0", {"decide_every": 21, "ticks": 20}, "at most 20"),

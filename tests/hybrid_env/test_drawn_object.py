@@ -1,12 +1,9 @@
-"""Objects whose process noise is drawn for every episode, and random turns of other radii than
-those of the bank.
-"""
+"""Objects whose process noise is drawn for every episode."""
 
 import numpy as np
 import pytest
 
-from hybrid_env import ArgumentError, HybridTrackVectorEnv, RandomScheme, WorldOptions
-from hybrid_env.scheme import parse_scheme
+from hybrid_env import ArgumentError, HybridTrackVectorEnv, WorldOptions
 
 
 def process_variances(episodes=1, **options):
@@ -38,25 +35,7 @@ def test_every_episode_has_a_process_noise_of_its_own():
     assert abs(np.corrcoef(drawn)[0, 1]) < 0.15
 
 
-def test_a_range_of_one_value_is_this_value():
-    assert WorldOptions(object_variance=(0.01, 0.01)) == WorldOptions(object_variance=0.01)
-    drawn = process_variances(object_variance=0.01)
-    np.testing.assert_array_equal(drawn, process_variances(object_variance=(0.01, 0.01)))
-
-
 @pytest.mark.parametrize("value", [(0.02, 0.01), (0.0, 0.01), (0.1,) * 3, -1.0, "much"])
 def test_other_values_are_refused(value):
     with pytest.raises(ArgumentError, match="object_variance"):
         WorldOptions(object_variance=value)
-
-
-def test_a_random_scheme_is_written_with_its_radii():
-    scheme = RandomScheme(4, (20, 60), (2.5, 10.0))
-    text = "random 4x20-60 radii 2.5 10"
-
-    assert str(scheme) == text
-    assert parse_scheme(text) == scheme
-    assert parse_scheme("random radii 3") == RandomScheme(radii=(3.0,))
-    for wrong in ("random radii", "random radii 3 3", "random radii -1", "random 4x20 radii 1e999"):
-        with pytest.raises(ArgumentError):
-            parse_scheme(wrong)

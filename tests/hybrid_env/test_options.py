@@ -61,12 +61,17 @@ def test_values_are_stored_as_plain_python_values():
     assert pickle.loads(pickle.dumps(options)) == options
 
 
+def test_a_radar_with_a_range_rate_alone_is_refused():
+    assert "bearing_deviation" in refused(Radar, rate_deviation=1.0)
+
+
 def test_options_that_do_not_fit_together_are_refused_by_name():
     for given in (
         {"scheme": "S" + "9" * 4400},
         {"radii": 1.0, "speed": 100.1, "tau": 1.0},
         {"reset_covariance": True, "bank": "oracle"},
         {"radii": (5.0,), "scheme": "L50r3"},
+        {"scheme": "random radii"},
     ):
         assert refused(WorldOptions, **given).partition("=")[0] == next(iter(given))
 
@@ -75,6 +80,7 @@ def test_a_text_stands_for_a_scheme_which_has_a_text_again():
     for text, scheme in (
         ("L50r3 S50", FixedScheme((Segment("L", 50, 3.0), Segment("S", 50)))),
         ("random 2x30", RandomScheme(2, (30, 30))),
+        ("random 4x20-60 radii 2.5 10", RandomScheme(4, (20, 60), (2.5, 10.0))),
     ):
         assert parse_scheme(text) == scheme
         assert parse_scheme(str(scheme)) == scheme

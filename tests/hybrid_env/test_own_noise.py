@@ -2,49 +2,13 @@
 
 import math
 import sys
-from dataclasses import dataclass
-from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import pytest
-from drawn_noise import drawn_noise
-from hostile_input import refused
-from own_noise import Rounded, run_page
-from scipy import stats
+from own_noise import Rounded
 
-from hybrid_env import ArgumentError, HybridTrackVectorEnv, OwnNoise, WorldOptions, simulate
-
-COUNT = 100_000
-
-
-def errors(law):
-    """Return `COUNT` errors of each coordinate over sqrt(R), (2, COUNT)."""
-    drawn = drawn_noise(20, COUNT // 20, 3, noise=law).swapaxes(0, 1).reshape(4, -1)
-    assert stats.kstest(drawn[:2].ravel(), "norm").pvalue > 1e-3
-    # The standard error of a correlation of independent numbers.
-    assert abs(stats.spearmanr(*drawn[2:]).statistic) < 4.0 / math.sqrt(COUNT)
-    return drawn[2:]
-
-
-def test_the_law_of_the_page_has_the_distribution_of_laplace():
-    law = run_page()["env"].unwrapped.options.noise
-
-    assert str(law) == "Laplace 0.7"
-    assert stats.kstest(errors(law).ravel(), stats.laplace(scale=0.7).cdf).pvalue > 1e-3
-
-
-def test_rounded_errors_have_the_probabilities_of_a_rounded_normal_error():
-    steps = errors(Rounded(0.5)).ravel() / 0.5
-    numbers = steps.round()
-    np.testing.assert_allclose(steps, numbers, atol=1e-9)
-
-    # Those from 6 on together.
-    counts = np.bincount(np.abs(numbers).clip(max=6).astype(int))
-    edges = 0.5 * (np.arange(7) - 0.5)
-    shares = -np.diff(2.0 * stats.norm.sf(edges), append=0.0)
-    shares[0] = 1.0 - shares[1:].sum()
-    assert stats.chisquare(counts, shares * 2 * COUNT).pvalue > 1e-3
+from hybrid_env import ArgumentError, HybridTrackVectorEnv, OwnNoise, simulate
 
 
 def test_simulations_draw_such_errors():
@@ -84,27 +48,6 @@ def test_a_law_that_raises_in_an_episode_raises_in_its_step(threads, monkeypatch
 def law(draw):
     """Return a law with this function, as one without fields."""
     return type("Law", (OwnNoise,), {"draw": draw})()
-
-
-@dataclass(frozen=True)
-class Fields(OwnNoise):
-    """A law with a field of any type."""
-
-    scales: tuple = (1.0, 2.0)
-    other: Any = 0
-
-    def draw(self, u):
-        """Return both errors."""
-        return self.scales[0] * u[0], self.scales[1] * u[1]
-
-
-def test_fields_of_a_law_are_tuples_of_any_length_and_can_be_hashed():
-    for scales in ((3.0, 4.0), (1.0, 2.0, 3.0)):
-        assert WorldOptions(noise=Fields(scales)).parameters()["noise_function"] > 0
-    assert refused(Fields, 5.0).startswith("scales=5.0 is not allowed")
-    message = refused(WorldOptions, noise=Fields(other=[1.0]))
-    assert message.startswith("noise=Fields(")
-    assert message.endswith("(unhashable type: 'list')")
 
 
 @pytest.mark.parametrize(

@@ -1,12 +1,10 @@
-"""Radars: conversion, fusion, and cameras alone; the consistency of filters: `test_consistency`."""
+"""Radars: conversion and fusion; the consistency of filters: `test_consistency`."""
 
 import math
 
 import numpy as np
-import pytest
 
-from baselines import OnlineTracker, ThresholdDecider
-from hybrid_env import QuickestOptions, Radar, Sensor, simulate
+from hybrid_env import Radar, Sensor
 from hybrid_env.core.polar import position_noise, to_position
 from hybrid_env.sensors import fuse
 
@@ -42,27 +40,3 @@ def test_measurements_of_a_tick_are_fused_by_their_information():
     np.testing.assert_allclose(fused.covariance, covariance[np.triu_indices(2)])
     assert fused.rates == (-3.0,)
     assert math.isnan(fuse(sensors, {0: (60.0, 30.0)}).rates[0])
-
-
-def test_two_cameras_alone_follow_an_object_that_turns():
-    cameras = [
-        Radar(bearing_deviation=0.002, position=place) for place in ((-20.0, 10.0), (20.0, -15.0))
-    ]
-    options = QuickestOptions(sensors=cameras, measurement_variance=0.01, radii=(5.0,))
-    run = simulate("S50 L60r5 S40", seed=3, measurement_variance=0.01)
-    rng = np.random.default_rng(0)
-    tracker = OnlineTracker(options, ThresholdDecider(0.8))
-    tracker.begin(run.truth[0][0], np.diag([0.01, 0.1, 0.01, 0.1]))
-    errors, modes = [], []
-    for truth in run.truth[0][1:]:
-        away = truth[::2] - [camera.position for camera in cameras]
-        bearings = np.arctan2(away[:, 1], away[:, 0]) + 0.002 * rng.normal(size=2)
-        now = tracker.update({0: bearings[:1], 1: bearings[1:]})
-        errors.append(np.hypot(*(now.estimate - truth)[::2]))
-        modes.append(now.mode)
-    assert now.status == "used"
-    # A bearing at 30 m has an error of 6 cm.
-    assert np.median(errors) < 0.08
-    assert (np.array(modes)[70:105] == 1).all()
-    with pytest.raises(ValueError, match=r"range_deviation=None .* bearing_deviation"):
-        Radar(rate_deviation=1.0)

@@ -1,4 +1,4 @@
-"""The registered ids with the checkers, vectorization modes and subprocesses of other libraries."""
+"""The registered ids with the checkers and subprocesses of other libraries."""
 
 import functools
 import re
@@ -7,7 +7,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env as gymnasium_check
-from gymnasium.vector import AsyncVectorEnv, AutoresetMode
+from gymnasium.vector import AsyncVectorEnv
 
 import hybrid_env
 from hybrid_env import ArgumentError, HybridTrackEnv, Sensor
@@ -22,6 +22,8 @@ CHECKED = [
     ("HybridTrackPublished-v0", {"missed": 0.1, "sensors": SENSORS}),
     ("HybridTrack-v0", {"missed": 0.9, "bank_info": True}),
     ("HybridTrackQuickest-v0", {"missed": 0.9}),
+    ("HybridTrack-v0", {"modes": "straight, left 5, climb 0.5"}),
+    ("HybridTrackQuickest-v0", {"modes": "straight, left 5, climb 0.5"}),
 ]
 
 
@@ -44,50 +46,6 @@ def test_processes_create_the_environment_by_module_and_id():
         assert env.step(np.array([0, 1]))[0].shape == (2, 29)
     finally:
         env.close()
-
-
-@pytest.mark.parametrize("env_id", ["HybridTrack-v0", "HybridTrackQuickest-v0"])
-@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
-def test_a_limit_of_steps_truncates_as_in_synchronous_environments(env_id, mode):
-    options = {"max_episode_steps": 7}
-    options |= (
-        {"scheme": "S4 S5", "decide_every": 1} if env_id == "HybridTrack-v0" else {"ticks": 7}
-    )
-    ours = gym.make_vec(env_id, 3, autoreset_mode=mode, **options)
-    theirs = gym.make_vec(
-        env_id,
-        3,
-        vectorization_mode="sync",
-        vector_kwargs={"autoreset_mode": AutoresetMode(mode)},
-        **options,
-    )
-    np.testing.assert_array_equal(ours.reset(seed=1)[0], theirs.reset(seed=1)[0])
-    generator = np.random.default_rng(0)
-    truncated = 0
-    for _ in range(40):
-        actions = np.where(generator.random(3) < 0.2, 1, 0)
-        mine, other = ours.step(actions), theirs.step(actions)
-        np.testing.assert_equal(mine[:4], other[:4])
-        final = [list(step[4].get("final_obs", [])) for step in (mine, other)]
-        np.testing.assert_equal(*final)
-        truncated += mine[3].sum()
-
-    assert truncated > 0
-
-
-def test_episodes_end_at_the_limit_of_the_id_unless_another_is_given():
-    env_id, options = "HybridTrackPublished-v0", {"scheme": "S10001"}
-    for limit, last in (({}, 10_000), ({"max_episode_steps": -1}, 10_001)):
-        for env, wait in (
-            (gym.make(env_id, **options, **limit), 0),
-            (gym.make_vec(env_id, 2, **options, **limit), [0, 0]),
-        ):
-            env.reset(seed=0)
-            for _ in range(9999):
-                env.step(wait)
-            *_, terminated, truncated, _ = env.step(wait)
-            assert np.all(truncated) == (last == 10_000)
-            assert not np.any(terminated)
 
 
 def test_the_keys_declare_straight_left_and_right():

@@ -23,6 +23,17 @@ def test_modes_of_the_user_move_as_their_formulas_say():
     assert run.modes.tolist() == [0, 1, 2, 3]
 
 
+def test_turns_follow_their_scheme():
+    start = (0.0, 1.2, 0.0, 0.9)
+    run = simulate("S50 L100r5 R100r5", start=start, process_variance=0.0)
+    x, vx, y, vy = run.truth[0, [49, 149, 249]].T
+
+    assert (x[0], y[0]) == pytest.approx((6.0, 4.5))
+    # 10 s at 1.5 m/s are 3 rad of a circle of 5 m.
+    heading = np.arctan2(0.9, 1.2) + np.array([0.0, 3.0, 0.0])
+    np.testing.assert_allclose(vx + 1j * vy, 1.5 * np.exp(1j * heading))
+
+
 def test_the_same_modes_by_name_or_by_radius_give_the_same_runs():
     told = simulate("S50 R50r5", 3, seed=1)
     named = simulate("50 straight, 50 right 5", 3, seed=1, modes="straight, left 5, right 5")

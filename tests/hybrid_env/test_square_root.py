@@ -6,13 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from matrix_filters import (
-    MatrixExtendedKalmanFilter,
-    MatrixKalmanFilter,
-    jacobian,
-    move,
-    turn_state,
-)
+from matrix_filters import MatrixExtendedKalmanFilter, MatrixKalmanFilter
 
 from hybrid_env import KalmanBank, simulate
 
@@ -28,37 +22,21 @@ class SquareRootFilter:
     """
 
     def __init__(self, kalman, root, Q, R):
-        self.kalman, self.x, self.deviation = kalman, np.array(kalman.x), math.sqrt(R)
-        size = len(self.x)
-        self.S = root
-        self.G = np.zeros((size, 2))
-        self.G[1, 0] = self.G[3, 1] = math.sqrt(Q)
-        self.H = np.zeros((2, size))
-        self.H[0, 0] = self.H[1, 2] = 1.0
+        self.kalman, self.S, self.deviation = kalman, root, math.sqrt(R)
+        self.G = math.sqrt(Q) * np.eye(len(root))[:, [1, 3]]
+        self.H = np.eye(len(root))[[0, 2]]
         self.log_likelihood = 0.0
 
-    def moved(self):
-        """Return state and transition matrix."""
-        if len(self.x) == 4:
-            return self.kalman.Phi @ self.x + self.kalman.B, self.kalman.Phi
-        F = jacobian(lambda state: move(state, TAU), self.x)
-        if self.x[6] == 0.0:
-            F[:4, 6] = 0.0
-        return move(self.x, TAU), F
-
     def step(self, z):
-        x, F = self.moved()
-        size = len(x)
+        x, F, _ = self.kalman.linearised()
         S = np.linalg.qr(np.vstack([(F @ self.S).T, self.G.T]), mode="r").T
-        before = np.block(
-            [[self.deviation * np.eye(2), np.zeros((2, size))], [(self.H @ S).T, S.T]]
-        )
-        after = np.linalg.qr(before, mode="r")
+        noise = np.hstack([self.deviation * np.eye(2), np.zeros((2, len(x)))])
+        after = np.linalg.qr(np.vstack([noise, np.hstack([(self.H @ S).T, S.T])]), mode="r")
         root, gain = after[:2, :2].T, after[:2, 2:].T
         white = np.linalg.solve(root, z - self.H @ x)
         self.log_likelihood -= 0.5 * white @ white + np.log(abs(np.diag(root))).sum()
         self.log_likelihood -= math.log(2 * math.pi)
-        self.x, self.S = x + gain @ white, after[2:, 2:].T
+        self.kalman.x, self.S = x + gain @ white, after[2:, 2:].T
 
 
 # Variances of position and velocity at the start, of the velocity in a tick, and of a measurement,
@@ -84,15 +62,11 @@ def test_log_likelihoods_equal_those_of_square_root_filters(P, Q, R, bank, toler
     anchor = np.array([0.0, 0.0, 0.0, 2.0])
     ours = KalmanBank(RADII, TAU, Q, R, bank)
     ours.anchor(anchor, P * np.eye(4))
+    kind = MatrixKalmanFilter if bank == "published" else MatrixExtendedKalmanFilter
     filters = []
     for radius in (0.0, *RADII, *(-radius for radius in RADII)):
-        root = math.sqrt(P) * np.eye(4)
-        if bank == "published":
-            kalman = MatrixKalmanFilter(anchor, P * np.eye(4), radius, TAU, Q, R)
-        else:
-            kalman = MatrixExtendedKalmanFilter(anchor, P * np.eye(4), radius, TAU, Q, R)
-            slopes = jacobian(lambda state, r=radius: turn_state(state, r or 1.0), anchor)
-            root = (slopes if radius else np.eye(7)[:, :4]) @ root
+        kalman = kind(anchor, P * np.eye(4), radius, TAU, Q, R)
+        root = math.sqrt(P) * getattr(kalman, "slopes", np.eye(4))
         filters.append(SquareRootFilter(kalman, root, Q, R))
     for z in recording.measurements[0]:
         ours.step(z)

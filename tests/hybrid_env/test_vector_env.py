@@ -4,19 +4,11 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
-from hostile_input import refused
 from own_modes import every_mode
 from own_noise import Rounded
 
-from hybrid_env import (
-    HybridTrackQuickestVectorEnv,
-    HybridTrackVectorEnv,
-    QuickestOptions,
-    Sensor,
-    WorldOptions,
-)
+from hybrid_env import HybridTrackQuickestVectorEnv, HybridTrackVectorEnv, Sensor
 from hybrid_env.core.memory import LANES
-from hybrid_env.world import World
 
 SHORT = {"ticks": 40, "durations": "uniform 5-12"}
 BRIEF = {"scheme": "random 2x5-30"}
@@ -60,6 +52,14 @@ MADE = [
     ),
     ("HybridTrack-v0", SAME, BRIEF | {"decide_every": 1, "modes": CLIMBS, "follow": "bank"}),
     ("HybridTrackQuickest-v0", NEXT, SHORT | {"modes": CLIMBS, "noise": "outliers 0.1"}),
+    *(
+        (env_id, mode, {"max_episode_steps": 7} | options)
+        for mode in (NEXT, SAME)
+        for env_id, options in (
+            ("HybridTrack-v0", BRIEF | {"decide_every": 1}),
+            ("HybridTrackQuickest-v0", SHORT),
+        )
+    ),
 ]
 VIEWS = {
     "announced": (
@@ -86,10 +86,9 @@ def random_actions(generator, shape, count):
 def test_tracks_equal_single_environments_bit_for_bit_across_autoresets(env_id, mode, options):
     tracks = LANES + 1
     ours = gym.make_vec(env_id, tracks, autoreset_mode=mode, tick_info=True, **options)
-    theirs = SyncVectorEnv(
-        [lambda: gym.make(env_id, **options).unwrapped] * tracks, autoreset_mode=mode
-    )
-    first, expected = ours.reset(seed=42), theirs.reset(seed=42)
+    theirs = SyncVectorEnv([lambda: gym.make(env_id, **options)] * tracks, autoreset_mode=mode)
+    # Those of the last tracks have more than 64 bits.
+    first, expected = ours.reset(seed=2**64 - 3), theirs.reset(seed=2**64 - 3)
     np.testing.assert_array_equal(first[0], expected[0])
     compare_infos(first[1], expected[1])
     generator = np.random.default_rng(0)
@@ -99,7 +98,7 @@ def test_tracks_equal_single_environments_bit_for_bit_across_autoresets(env_id, 
         mine, other = ours.step(actions), theirs.step(actions)
         np.testing.assert_equal(mine[:4], other[:4])
         compare_infos(mine[4], other[4])
-        episodes += mine[2].sum()
+        episodes += (mine[2] | mine[3]).sum()
 
     assert episodes > 0
 
@@ -120,18 +119,6 @@ def compare_infos(mine, other):
             np.testing.assert_array_equal(
                 np.asarray(mine[key])[mask], np.asarray(value)[mask], err_msg=key
             )
-
-
-def test_without_tick_info_the_mask_and_the_decisions_are_left():
-    vector, options = VIEWS["announced"]
-    short, described = (vector(3, tick_info=shown, **options) for shown in (False, True))
-    generator = np.random.default_rng(2)
-    info, full = short.reset(seed=7)[1], described.reset(seed=7)[1]
-    for _ in range(60):
-        assert {"action_mask", "_action_mask"} <= info.keys() <= full.keys() - {"tick"}
-        np.testing.assert_equal(info, {name: full[name] for name in info})
-        actions = random_actions(generator, 3, short.single_action_space.n)
-        info, full = short.step(actions)[4], described.step(actions)[4]
 
 
 def test_disabled_autoreset_resets_only_the_masked_tracks():
@@ -170,25 +157,8 @@ def test_an_invalid_action_in_one_thread_steps_no_track():
     actions[33] = 9
     with pytest.raises(gym.error.InvalidAction, match="action=9"):
         env.step(actions)
-    for ragged in ([[0], 0], [[0, 1], [0]], {0}, None):
-        with pytest.raises(gym.error.InvalidAction, match="expected integers of shape"):
-            env.step(ragged)
+    with pytest.raises(gym.error.InvalidAction, match="expected integers of shape"):
+        env.step([[0], 0])
 
     np.testing.assert_array_equal(env.world.observations, rows)
     np.testing.assert_array_equal(env.step(actions * 0)[0], same.step(actions * 0)[0])
-
-
-INDICES = [
-    (WorldOptions(), ("segment", "true_mode", "active_mode", "trace_length", "length")),
-    (QuickestOptions(), ("segment", "true_mode", "stated_mode", "time", "length")),
-]
-
-
-@pytest.mark.parametrize(("options", "names"), INDICES)
-def test_blocks_with_an_index_out_of_range_are_refused(options, names):
-    world = World(options, 1)
-    for name in names:
-        for value in (-1, 2**40):
-            blocks = world.blocks.copy()
-            blocks[name][0, 0] = value
-            assert refused(world.check_blocks, blocks, world.seeded).startswith(f"blocks.{name}=")

@@ -2,30 +2,16 @@
 same.
 """
 
-import gymnasium as gym
 import numpy as np
 import pytest
 
 import agents
-from agents.evaluation.registry import for_actions
 from baselines import rollout
-from baselines.rules.external import as_decider
 from hybrid_env import ArgumentError
 from hybrid_env.registration import make_track_vector_env
 
 ENV = "hybrid_env:HybridTrackBank-v0"
 SCHEME = {"scheme": "random 2x20-30"}
-
-
-class Model:
-    """A model of a learning library that was trained with actions by type, and always declares a
-    right turn.
-    """
-
-    action_space = gym.spaces.Discrete(4)
-
-    def predict(self, observation, state=None, episode_start=None, deterministic=True):
-        return np.full(len(observation), 3), state
 
 
 @pytest.mark.parametrize("name", ["msprt-type:0.03", "shipped"])
@@ -45,11 +31,3 @@ def test_a_loaded_decider_acts_in_the_action_space(name):
 def test_a_decider_that_reads_every_tick_is_not_loaded_for_fewer_decisions():
     with pytest.raises(ArgumentError, match="decide_every=8 is not allowed: expected 1"):
         agents.load("shipped", ENV)
-
-
-def test_a_model_that_was_trained_with_types_is_not_translated():
-    options = make_track_vector_env(ENV, 1).options
-    model = as_decider(Model())
-
-    assert for_actions(model, options) is model
-    assert agents.evaluate(Model(), ENV, episodes=5, **SCHEME)["type_accuracy"].value < 1.0

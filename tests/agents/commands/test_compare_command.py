@@ -3,29 +3,42 @@
 import json
 import shlex
 
+import numpy as np
 import pytest
 from small_training import small_recipe
 
-from agents import task_of
+from agents import find_decider
 from agents.cli import main
 from agents.training.algorithm import Algorithm
+from hybrid_env import WorldOptions
 
 
-def test_compare_writes_figures_and_data(tmp_path, capsys):
-    line = (
-        "compare threshold cusum shipped --env HybridTrackQuickest-v0 --ticks 40"
-        f" --durations 'uniform 8-15' --episodes 8 --selection-episodes 6 --out {tmp_path}"
-    )
+def compared(line, folder):
+    """Return the data that a comparison writes, and those of its deciders by name."""
+    assert main(shlex.split(f"compare {line} --out {folder}")) == 0
+    assert {path.name for path in folder.iterdir()} == {"compare.json", "compare.png"}
+    data = json.loads((folder / "compare.json").read_text())
+    return data, {decider["name"]: decider for decider in data["deciders"]}
 
-    assert main(shlex.split(line)) == 0
-    assert {path.name for path in tmp_path.iterdir()} == {"compare.json", "compare.png"}
+
+def test_unknown_switches_are_compared_at_equal_rates_of_wrong_changes(tmp_path, capsys):
+    world = "--env HybridTrackQuickest-v0 --ticks 40 --durations 'uniform 8-15'"
+    line = f"threshold cusum shipped {world} --episodes 8 --selection-episodes 6"
+    _, deciders = compared(line, tmp_path)
     assert "shipped and IMM threshold differ most" in capsys.readouterr().out
-    data = json.loads((tmp_path / "compare.json").read_text())
-    names = [decider["name"] for decider in data["deciders"]]
-    assert names == ["IMM threshold", "CUSUM", "shipped"]
-    for decider in data["deciders"]:
-        chosen = decider["curve"]["thresholds"].index(decider["threshold"]["value"])
-        assert decider["reward"]["value"] == pytest.approx(decider["curve"]["reward"][chosen])
+    assert list(deciders) == ["IMM threshold", "CUSUM", "shipped"]
+    for decider in deciders.values():
+        curve = decider["curve"]
+        chosen = curve["thresholds"].index(decider["threshold"]["value"])
+        assert decider["reward"]["value"] == pytest.approx(curve["reward"][chosen])
+    first, other = deciders["IMM threshold"], deciders["CUSUM"]
+    name = "full_delay_at_equal_wrong_changes"
+    for decider in (first, other):
+        curve = decider["curve"]
+        at_two = np.interp(-2.0, np.negative(curve["wrong_changes"]), curve["full_delay"])
+        assert decider[name]["value"] == pytest.approx(at_two)
+    ratio = other["against_reference"][name]["value"]
+    assert ratio == pytest.approx(other[name]["value"] / first[name]["value"])
 
 
 # A process whose memory has grown is replaced.
@@ -59,19 +72,17 @@ def test_an_interrupted_comparison_goes_on_with_the_same_results(jobs, tmp_path,
     assert again.read_bytes() == whole.read_bytes()
 
 
-@pytest.mark.parametrize("env", ["HybridTrack-v0", "HybridTrackBank-v0", "HybridTrackPublished-v0"])
-def test_announced_switches_have_the_rule_at_once_the_best_rule_and_the_bound(env):
-    assert {"at-once"} < set(task_of(f"hybrid_env:{env}").deciders)
-
-
-def test_a_comparison_shows_the_bound_less_the_best_rule(tmp_path, capsys):
-    line = f"compare at-once msprt --episodes 30 --selection-episodes 10 --out {tmp_path}"
-    assert main(line.split()) == 0
-    data = json.loads((tmp_path / "compare.json").read_text())
-    at_once, rule = (decider["reward"]["value"] for decider in data["deciders"])
-    bound = data["bound"]["reward"]["value"]
-    assert at_once < 0.0 < rule
+def test_announced_switches_are_compared_at_equal_times_and_with_the_bound(tmp_path, capsys):
+    line = "sprt at-once msprt --episodes 30 --selection-episodes 10"
+    data, deciders = compared(line, tmp_path)
+    bound, rule = data["bound"]["reward"]["value"], deciders["MSPRT"]
+    assert data["deciders"][1]["reward"]["value"] < 0.0 < rule["reward"]["value"]
     assert data["best_rule"] == "MSPRT"
-    assert data["bound"]["less"]["value"] == pytest.approx(bound - rule)
+    assert data["bound"]["less"]["value"] == pytest.approx(bound - rule["reward"]["value"])
     assert data["bound"]["less"]["high"] > 0.0
     assert "bound: no rule earns more" in capsys.readouterr().out
+    first = deciders["SPRT"]["curve"]
+    default = find_decider("sprt", WorldOptions()).default
+    ticks = first["ticks"][first["thresholds"].index(default)]
+    right = np.interp(ticks, rule["curve"]["ticks"], rule["curve"]["accuracy"])
+    assert rule["equal_time_error"]["value"] == pytest.approx(1.0 - right)

@@ -9,14 +9,23 @@ from scipy.special import softmax
 
 from agents.commands.play import Play
 from agents.evaluation.registry import load_decider
+from baselines import record_statements
+from baselines.rules.rollout import record_decisions
 from hybrid_env.checks import ArgumentError
 
 DECLARED, STATED = "hybrid_env:HybridTrackPublished-v0", "hybrid_env:HybridTrackQuickest-v0"
+SELDOM = "hybrid_env:HybridTrack-v0"
 OPTIONS = {
     DECLARED: {"scheme": "S20 L25r5 S20"},
+    # Asked every few ticks.
+    SELDOM: {"scheme": "S20 L25r5 S20"},
     STATED: {"ticks": 60, "durations": "uniform 15-20"},
 }
-DECIDERS = {DECLARED: ("sprt", "fixed:5"), STATED: ("threshold", "threshold:0.4")}
+DECIDERS = {
+    DECLARED: ("sprt", "fixed:5"),
+    SELDOM: ("shipped", "msprt"),
+    STATED: ("threshold", "threshold:0.4"),
+}
 SEED = 3
 
 
@@ -31,60 +40,32 @@ def data_of(path):
     return json.JSONDecoder().raw_decode(text)[0]
 
 
-def stepped(env_id, name):
-    """Posterior and reward of each tick by hand; decisions (tick, mode, right, delay), with
-    unknown switches the changes of the statement without right and delay.
-    """
-    env = gym.make(env_id, **OPTIONS[env_id])
-    decider = load_decider(name, env.unwrapped.options)
-    declared = env_id == DECLARED
-    row, info = env.reset(seed=SEED)
-    state, start, ended = None, True, False
-    tick, length, stated = 1, 0, None
-    posteriors, rewards, decisions = {}, {}, []
-    while not ended:
-        posteriors[tick] = (
-            softmax(info["log_likelihood"]) if declared else np.exp(info["log_probability"])
-        )
-        action, state = decider.predict(row[None], state, np.array([start]))
-        row, rewards[tick], ended, _, info = env.step(int(action[0]))
-        if not declared:
-            if stated not in (None, int(action[0])):
-                decisions.append((tick, int(action[0])))
-            stated = int(action[0])
-            tick += 1
-        elif "correct" in info:
-            mode, right, delay = (info[key] for key in ("decided_mode", "correct", "ticks"))
-            decisions.append((tick, mode, right, delay))
-            length += info["decided_length"]
-            tick = length + 1
-        else:
-            tick += 1
-        start = False
-    return posteriors, rewards, decisions
-
-
-@pytest.mark.parametrize("env_id", [DECLARED, STATED])
-def test_the_page_shows_at_every_tick_what_a_rollout_has_there(tmp_path, env_id):
+@pytest.mark.parametrize("env_id", DECIDERS)
+def test_the_page_shows_what_is_evaluated_and_the_posteriors(tmp_path, env_id):
     episode = data_of(written(tmp_path, env_id, DECIDERS[env_id]))
-    length = len(episode["modes"])
     assert [row["name"] for row in episode["deciders"]] == list(DECIDERS[env_id])
+    env = gym.make(env_id, **OPTIONS[env_id])
+    _, info = env.reset(seed=SEED)
+    for tick in range(0 if env_id == SELDOM else 4):
+        logs = info["log_likelihood" if env_id == DECLARED else "log_probability"]
+        for row in episode["deciders"]:
+            shown = [curve[tick] for curve in row["posteriors"]]
+            assert shown == pytest.approx(softmax(logs), abs=1e-4)
+        *_, info = env.step(0)
     for row in episode["deciders"]:
-        posteriors, rewards, decisions = stepped(env_id, row["name"])
-        for tick in range(1, length + 1):
-            shown = [curve[tick - 1] for curve in row["posteriors"]]
-            if tick in posteriors:
-                assert shown == pytest.approx(posteriors[tick], abs=1e-4)
-            else:
-                assert shown == [None] * len(episode["names"])
-            so_far = sum(reward for at, reward in rewards.items() if at <= tick)
-            assert row["rewards"][tick - 1] == pytest.approx(so_far)
-        assert decisions
-        assert [mark + 1 for mark in row["marks"]] == [decision[0] for decision in decisions]
-        for at, mode, *outcome in decisions:
-            assert row["modes"][at - 1] == mode
-            if outcome:
-                assert [row["right"][at - 1], row["delays"][at - 1]] == outcome
+        decider, marks = load_decider(row["name"], env.unwrapped.options), row["marks"]
+        if env_id != STATED:
+            expected = record_decisions(decider, env_id, 1, SEED, **OPTIONS[env_id])
+            for name, values in (("right", expected.correct), ("delays", expected.ticks)):
+                assert [row[name][mark] for mark in marks] == values[0].tolist()
+            assert len(row["modes"]) == expected.length.sum()
+            assert row["rewards"][-1] == pytest.approx(expected.reward.sum())
+        else:
+            expected = record_statements(decider, 1, SEED, **OPTIONS[env_id])
+            modes = expected.stated_modes[:, 0]
+            assert row["modes"] == modes.tolist()
+            assert marks == (np.flatnonzero(np.diff(modes)) + 1).tolist()
+            assert row["right"] == (modes == expected.true_modes[:, 0]).tolist()
 
 
 def test_several_deciders_need_a_page(tmp_path):

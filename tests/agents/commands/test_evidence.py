@@ -2,60 +2,29 @@
 
 import numpy as np
 import pytest
-import torch
 
 from agents.evaluation.registry import load_decider
-from agents.learned.policy import Actor, PolicyDecider
-from hybrid_env import HybridTrackVectorEnv, Layout
-
-RADII = (3.0, 5.0, 8.0)
-TRACKS = 30
-
-
-def make_env():
-    return HybridTrackVectorEnv(TRACKS, radii=RADII, correctness="type", tick_info=False)
-
-
-def ticks_of(env, decider, count=60):
-    """Play, and yield observation, actions and evidence at each tick."""
-    observation, _ = env.reset(seed=0)
-    state = None
-    start = np.ones(TRACKS, np.bool_)
-    for _ in range(count):
-        values = decider.evidence(observation, state, start)
-        assert values.shape == (TRACKS, 7)
-        actions, state = decider.predict(observation, state, start)
-        yield observation, actions, values
-        observation, _, start, _, _ = env.step(actions)
+from baselines import rollout
+from hybrid_env import HybridTrackVectorEnv
 
 
 @pytest.mark.parametrize("name", ["msprt-type:0.05", "gap:3"])
 def test_a_decider_declares_the_mode_whose_evidence_reaches_the_threshold(name):
-    env = make_env()
+    env = HybridTrackVectorEnv(30, radii=(3.0, 5.0, 8.0), correctness="type")
     decider = load_decider(name, env.options)
     (level,) = decider.panel().thresholds.values()
-    declared = 0
-    for _, actions, values in ticks_of(env, decider):
-        clear = (np.abs(values - level) > 1e-9).all(axis=1)
-        reached = (values >= level).any(axis=1)
-        np.testing.assert_array_equal((actions > 0)[clear], reached[clear])
-        chosen = actions[actions > 0] - 1
-        np.testing.assert_array_equal(values[actions > 0, chosen], values[actions > 0].max(axis=1))
-        declared += len(chosen)
+    declared, values = 0, None
+    for now in rollout(env, decider, 0):
+        if now.step:
+            assert values.shape == (30, 7)
+            clear = (np.abs(values - level) > 1e-9).all(axis=1)
+            declares = now.actions > 0
+            np.testing.assert_array_equal(declares[clear], (values >= level).any(axis=1)[clear])
+            chosen = values[declares, now.actions[declares] - 1]
+            np.testing.assert_array_equal(chosen, values[declares].max(axis=1))
+            declared += len(chosen)
+        if now.step == 60:
+            break
+        values = decider.evidence(now.observation, now.state, now.starts)
 
     assert declared > 20
-
-
-def test_a_policy_declares_when_its_log_odds_exceed_the_threshold():
-    width = Layout(7).width
-    torch.manual_seed(0)
-    decider = PolicyDecider(
-        Actor(torch.nn.Linear(width, 8), width, 8), make_env().options.types, 0.001
-    )
-    for _, chosen, values in ticks_of(make_env(), decider):
-        np.testing.assert_array_equal(
-            chosen > 0, values.max(axis=1) > decider.panel().thresholds[""]
-        )
-        np.testing.assert_array_equal(
-            values[chosen > 0, chosen[chosen > 0] - 1], values[chosen > 0].max(axis=1)
-        )

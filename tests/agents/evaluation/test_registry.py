@@ -6,6 +6,7 @@ import sys
 
 import numpy as np
 import pytest
+from recorded_rollouts import recorded
 
 from agents.evaluation.registry import find_decider, policy_folder, shipped_names
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, rules
@@ -36,12 +37,7 @@ def environment(task, decider, tracks):
 
 def played(task, decider, tracks=TRACKS, seed=5):
     """Return the actions (STEPS, N), which begin a second episode."""
-    actions = []
-    for now in rollout(environment(task, decider, tracks), decider, seed):
-        if now.step:
-            actions.append(now.actions)
-        if now.step == STEPS:
-            return np.array(actions)
+    return recorded(environment(task, decider, tracks), decider, STEPS, seed)[1]
 
 
 @pytest.mark.parametrize(("task", "name"), EVERY)

@@ -23,6 +23,12 @@ def test_scores_of_announced_switches_are_those_of_recorded_decisions():
             FixedTimeDecider(ticks), ANNOUNCED.env_id, 20, 3, **ANNOUNCED.given
         )
         np.testing.assert_array_equal(scores.values[..., index], decisions.values)
+        accuracy = scores.estimate(ANNOUNCED.statistic("accuracy"), index).value
+        assert accuracy == pytest.approx(decisions.correct.mean())
+        # Over ticks, not over segments.
+        error = np.sqrt(decisions.squared_error.sum() / decisions.length.sum())
+        rmse = scores.estimate(ANNOUNCED.statistic("rmse"), index).value
+        assert rmse == pytest.approx(error)
 
 
 def test_scores_of_unknown_switches_are_those_of_recorded_statements():

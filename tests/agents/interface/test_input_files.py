@@ -13,6 +13,7 @@ NO_VALUES = {
     "a time": "1:59:59",
     "an escape of a large number": r'"\UFFFFFFFF"',
     "a large number": "9" * 5000,
+    "code": "!!python/object:os.system {}",
     "an infinite number": ".inf",
     "a text as a number": "!!float x",
     "a list as an ordered mapping": "!!omap [x]",

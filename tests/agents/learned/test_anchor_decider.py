@@ -1,7 +1,6 @@
 """The anchor agent: invariances and decisions."""
 
 import functools
-from dataclasses import replace
 
 import numpy as np
 import torch
@@ -9,8 +8,7 @@ from online_episodes import COMMON, same_as_announced
 from other_units import in_other_units
 
 from agents.evaluation.registry import load_decider
-from agents.learned.anchor_decider import AnchorDecider, Odds
-from agents.learned.anchor_inputs import RowRatios
+from agents.learned.anchor_decider import AnchorDecider
 from agents.learned.anchor_net import AnchorNetworks
 from baselines import SPRTDecider
 from baselines.rules import rollout
@@ -30,13 +28,6 @@ def random_agent(world, hidden=12):
     torch.nn.init.normal_(net.anchor.output.weight, std=0.02)
     torch.nn.init.normal_(net.stopping.output.weight, std=0.3)
     return AnchorDecider(net, world)
-
-
-class Difference(torch.nn.Module):
-    """A cost of a wrong turn that is the difference of both turns."""
-
-    def forward(self, inputs):
-        return inputs[..., -1]
 
 
 def mirrored(rows):
@@ -99,45 +90,6 @@ def test_a_mirrored_trajectory_gives_the_mirrored_posterior():
     reflected = posteriors_of(decider, env, transform=lambda rows: mirrored(rows)[0])
 
     np.testing.assert_allclose(reflected, original[..., order], atol=1e-4)
-
-
-def test_one_network_applies_to_any_bank_and_does_not_depend_on_the_order_of_radii():
-    posteriors = []
-    for radii in ((2.0, 5.0, 9.0), (9.0, 5.0, 2.0)):
-        env = HybridTrackVectorEnv(TRACKS, radii=radii, scheme="S60 L60r5 S60")
-        decider = random_agent(env.options)
-        posteriors.append(posteriors_of(decider, env, declare=False))
-    order = [0, 3, 2, 1, 6, 5, 4]
-
-    np.testing.assert_allclose(posteriors[0], posteriors[1][..., order], atol=1e-4)
-
-
-def test_a_wrong_radius_costs_what_the_network_predicts_where_only_the_type_is_rewarded():
-    world = WorldOptions(radii=(2.0, 2.1, 8.0), correctness="type")
-    rows, _ = HybridTrackVectorEnv(2, **vars(world)).reset(seed=0)
-    # The likeliest turn, and one next to the mean one.
-    posterior = np.array([[0.0, 0.4, 0.2, 0.4, 0, 0, 0], [0.0, 1.0, 0, 0, 0, 0, 0]])
-    agent = random_agent(world)
-    agent.net.regret = Difference()
-
-    def declared(options):
-        decider = AnchorDecider(agent.net, options)
-        odds = Odds(None, None, posterior, posterior.argmax(1), RowRatios(options, rows))
-        return decider.declarations(odds, np.array([True, True])).tolist()
-
-    assert declared(world) == [3, 2]
-    # The next anchor is the same after any turn.
-    assert declared(replace(world, follow="bank")) == [2, 2]
-
-
-def test_without_a_trained_stop_the_probability_of_an_error_is_compared_with_the_threshold():
-    world = WorldOptions()
-    env = HybridTrackVectorEnv(200, **vars(world))
-    rows, _ = env.reset(seed=0)
-    odds, _ = AnchorDecider(AnchorNetworks(8), world).odds(rows, None, None)
-    error = 1.0 - odds.posterior.max(-1)
-
-    np.testing.assert_allclose(odds.logits, np.log((1 - error) / error / 49.0), atol=1e-4)
 
 
 def test_the_shipped_agent_beats_the_sprt_at_any_threshold():

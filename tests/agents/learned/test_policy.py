@@ -7,8 +7,8 @@ import pytest
 import torch
 from stable_baselines3.common.policies import ActorCriticPolicy
 
-from agents.learned.policy import ObservationFeatures, StatementPolicyDecider, read_actor
-from hybrid_env import HybridTrackQuickestVectorEnv, HybridTrackVectorEnv, QuickestLayout
+from agents.learned.policy import StatementPolicyDecider, read_actor
+from hybrid_env import HybridTrackQuickestVectorEnv, QuickestLayout
 
 
 def random_policy():
@@ -49,12 +49,3 @@ def test_a_statement_changes_if_the_log_odds_exceed_the_margin(margin):
 
     np.testing.assert_array_equal(decider.predict(rows)[0], expected)
     assert (expected == stated).all() == (margin == 100.0)
-
-
-def test_the_observed_quantities_can_be_selected():
-    space = HybridTrackVectorEnv(1).single_observation_space
-    rows = torch.randn(5, 29)
-    selected = ObservationFeatures(space, ("posterior", "ticks", "innovation_along"))(rows)
-
-    torch.testing.assert_close(selected[:, :3], torch.softmax(10 * rows[:, :3], -1))
-    torch.testing.assert_close(selected[:, 3:], torch.cat([rows[:, 18:19], rows[:, 3:6]], -1))

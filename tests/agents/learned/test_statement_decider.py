@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 import torch
 from other_units import in_other_units
+from recorded_rollouts import recorded
 
-from agents.learned.statement_decider import StatementDecider, habit_inputs
-from agents.learned.statement_net import StatementNet
-from baselines import ThresholdDecider, record_statements, rollout
+from agents.learned.statement_decider import StatementDecider
 from baselines.rules.measurements import OBSERVED
 from hybrid_env import HybridTrackQuickestVectorEnv, QuickestLayout, QuickestOptions
 
@@ -30,13 +29,8 @@ def random_decider(habits, options):
 def statements_of(decider, options, ticks=150):
     """Statements (T, N) of a decider, and what it observes (T, N, width)."""
     env = HybridTrackQuickestVectorEnv(TRACKS, **vars(options))
-    stated, seen = [], []
-    for now in rollout(env, decider, 3):
-        if now.step:
-            stated.append(now.actions)
-        if now.step == ticks:
-            return np.array(stated), np.array(seen)
-        seen.append(now.seen.copy())
+    seen, stated, _ = recorded(env, decider, ticks)
+    return stated, seen
 
 
 def stated_again(decider, seen):
@@ -86,31 +80,3 @@ def test_a_change_of_units_changes_no_statement(habits):
         turns[..., 6:16] *= np.outer(units, units)[np.triu_indices(4)]
     # A tie within rounding.
     assert (stated_again(random_decider(habits, other), scaled) != stated).sum() <= 1
-
-
-def test_an_untrained_network_is_the_threshold_rule():
-    # No utility of keeping the statement.
-    margin = -float(np.log1p(np.exp(2.0)))
-    decider = StatementDecider(StatementNet(4), QuickestOptions()).at(margin)
-    agent, rule = (record_statements(each, 20, 0) for each in (decider, ThresholdDecider(0.0)))
-
-    assert (agent.stated_modes == rule.stated_modes).mean() > 0.999
-
-
-def test_inputs_of_habits_are_sums_over_the_histories_of_the_beam():
-    options = QuickestOptions(durations="uniform 10-15", ticks=60)
-    env = HybridTrackQuickestVectorEnv(TRACKS, **vars(options))
-    decider = random_decider(True, options)
-    for now in rollout(env, decider, 3):
-        if now.step == 60:
-            break
-    branches, logs = now.state.beam.branches, now.state.beam.log_probability
-    inputs = habit_inputs(branches, logs)
-
-    for track in range(TRACKS):
-        alive = slice(0, branches.counts[track])
-        weights = np.exp(branches.filters[track]["log_likelihood"].ravel()[alive])
-        for mode in range(3):
-            of_mode = weights * (branches.histories["mode"][track, alive] == mode)
-            age = of_mode @ branches.histories["age"][track, alive] / np.exp(logs[track, mode])
-            assert inputs[track, mode, 4] == pytest.approx(np.log(max(age, 1.0)) / 5.0, abs=1e-5)

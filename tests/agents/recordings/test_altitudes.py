@@ -1,4 +1,4 @@
-"""Altitudes of a file: columns and units, climbs.csv, and the picture."""
+"""Altitudes of a file: columns and units, and climbs.csv."""
 
 import numpy as np
 import pandas as pd
@@ -6,7 +6,6 @@ import pytest
 from recorded_tracks import OBJECTS
 
 from agents.cli import main
-from agents.recordings.figure import draw_recording
 from agents.recordings.tracking import TrackingArguments
 from baselines.recordings.projection import Projection
 from baselines.recordings.reading.read import read_recordings
@@ -59,15 +58,10 @@ def test_the_third_coordinate_is_an_altitude_upwards(helix, tmp_path):
         np.testing.assert_allclose(recording.altitudes, scale * altitudes, rtol=1e-9)
 
 
-def test_live_and_without_different_altitudes_there_are_no_climbs(helix, tmp_path):
-    times, positions, altitudes = helix
+def test_without_different_altitudes_there_are_no_climbs(helix, tmp_path):
+    times, positions, _ = helix
     columns = {"t": times, "x [m]": positions[:, 0], "y [m]": positions[:, 1]}
     pd.DataFrame(columns | {"alt [m]": 7.0}).to_csv(tmp_path / "c.csv", index=False)
     file = read_recordings(tmp_path / "c.csv")
     assert "all altitudes are the same" in file.summary
     assert TrackingArguments().track(file.recordings[0]).vertical is None
-    pd.DataFrame(columns | {"alt [m]": altitudes}).to_csv(tmp_path / "d.csv", index=False)
-    [recording] = read_recordings(tmp_path / "d.csv").recordings
-    assert TrackingArguments(live=True).track(recording).vertical is None
-    tracked = TrackingArguments().track(recording)
-    assert len(draw_recording(tracked).axes) == 4

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from recorded_tracks import directions
+from recorded_tracks import OBJECTS
 
 from agents import track_recording
 from baselines import read_recordings
@@ -14,29 +14,20 @@ from hybrid_env import Radar
 RADAR = Radar(
     range_deviation=30.0, bearing_deviation=0.015, rate_deviation=0.3, position=(3000.0, -8700.0)
 )
-# A ship.
-TAU, SPEED, RADIUS = 10.0, 8.0, 500.0
+SHIP = OBJECTS["ship"]
 TRUE = np.repeat([0, 1, 0, 2, 0], 40)
-TIMES = TAU * np.arange(len(TRUE))
+TIMES = SHIP.times(len(TRUE))
 
 
 @pytest.fixture(scope="module")
 def polar():
     """Range, bearing from the x axis and range rate at every tick, (T, 3), one of them missing."""
-    generator = np.random.default_rng(3)
-    heading = np.cumsum(SPEED * TAU / RADIUS * np.array([0, 1, -1])[TRUE])
-    velocity = SPEED * directions(heading)
-    away = np.cumsum(TAU * velocity, axis=0) - RADAR.position
+    truth = SHIP.simulate(1, 3, "SLSRS", 5 * (40,)).truth[0]
+    away, velocity = truth[:, ::2] - RADAR.position, truth[:, 1::2]
     length = np.hypot(*away.T)
-    noise = generator.normal(size=(3, len(TRUE)))
-    rows = np.stack(
-        [
-            length + 30.0 * noise[0],
-            np.arctan2(*away.T[::-1]) + 0.015 * noise[1],
-            (away * velocity).sum(1) / length + 0.3 * noise[2],
-        ],
-        axis=1,
-    )
+    rates = (away * velocity).sum(1) / length
+    rows = np.stack([length, np.arctan2(*away.T[::-1]), rates], axis=1)
+    rows += np.random.default_rng(3).normal(size=rows.shape) * (30.0, 0.015, 0.3)
     rows[70] = np.nan
     return rows
 
@@ -53,12 +44,14 @@ def write(path, rows, names):
 def test_modes_and_radius_are_found_from_a_radar_alone(polar):
     tracked = track_recording(TIMES, polar, radar=RADAR)
     assert (tracked.modes == TRUE).mean() > 0.9
-    assert tracked.model.radii[0] == pytest.approx(RADIUS, rel=0.05)
+    assert tracked.model.radii[0] == pytest.approx(SHIP.radius, rel=0.05)
     settings = json.loads(json.dumps(tracked.settings(), allow_nan=False))
     assert Radar(**settings["radar"]) == RADAR
     # Range and bearing alone tell less.
     without_rate = replace(RADAR, rate_deviation=None)
-    known = track_recording(TIMES, polar[:, :2], radar=without_rate, lengths=(40,), radii=(RADIUS,))
+    known = track_recording(
+        TIMES, polar[:, :2], radar=without_rate, lengths=(40,), radii=(SHIP.radius,)
+    )
     assert known.pieces[:, 2].tolist() == [0, 1, 0, 2, 0]
     assert known.settings()["known_switches"]
 

@@ -1,7 +1,6 @@
-"""What `hybridtrack track` writes is joined to what it has read, drawn on maps and scored."""
+"""What `hybridtrack track` writes is joined to what it has read, and scored."""
 
 import json
-import re
 from itertools import pairwise
 
 import numpy as np
@@ -10,7 +9,6 @@ import pytest
 from recorded_tracks import OBJECTS, drive, write_recording
 
 from agents.cli import main
-from agents.recordings.tracking import track_recording
 from baselines.recordings.projection import Projection
 from baselines.recordings.reading.read import read_recordings
 from baselines.recordings.tracker import OnlineTracker
@@ -104,15 +102,6 @@ def test_sets_of_several_objects_are_scored(folder):
     assert single["walker_track"]["agreement"] == single["both_track/walker"]["agreement"]
 
 
-def test_a_truth_that_counts_seconds_is_scored_too(folder):
-    truth = pd.read_csv(folder / "walker-truth.csv")
-    truth["time"] = np.arange(len(truth))
-    truth.to_csv(folder / "numbers.csv", index=False)
-
-    dated = scored(folder, "walker-truth.csv", "walker_track")
-    assert scored(folder, "numbers.csv", "walker_track") == dated
-
-
 DATES = pd.date_range("2026-05-01T23:59:50", periods=30, freq="500ms", tz="UTC")
 ISO = [date.isoformat(timespec="milliseconds").replace("+00:00", "Z") for date in DATES]
 
@@ -143,42 +132,6 @@ def test_times_come_back_in_the_form_of_the_file(tmp_path, columns, cells):
         assert kept.tolist() == (cells or columns["timestamp"])
     first = 1 if dated else 2
     assert recording.lines.tolist() == list(range(first, first + 30))
-
-
-def test_arrays_have_no_columns_of_a_file():
-    tracked = track_recording(*drive())
-
-    assert {"line", "time", "lat", "object"}.isdisjoint(tracked.row_table())
-    assert {"begin_time", "begin_lat", "object"}.isdisjoint(tracked.piece_table())
-
-
-def test_settings_are_what_was_found():
-    given_model = "radii", "measurement_variance", "process_variance"
-    car = drive()
-    tracked = track_recording(*car, durations="geometric 50")
-    settings = json.loads(json.dumps(tracked.settings(), allow_nan=False))
-    again = track_recording(
-        *car,
-        radii=tuple(settings["radii"]),
-        measurement_variance=settings["measurement_variance"],
-        process_variance=settings["process_variance"],
-        durations=settings["durations"],
-    )
-
-    # The usual speed, from which the start follows, depends a little on the noise that is given.
-    np.testing.assert_allclose(again.probabilities, tracked.probabilities, atol=1e-3)
-    np.testing.assert_array_equal(again.modes, tracked.modes)
-    live, again = (
-        track_recording(*car, live=True, **given)
-        for given in (
-            {"durations": "geometric 50"},
-            {name: settings[name] for name in ("decider", "durations", *given_model)},
-        )
-    )
-    np.testing.assert_array_equal(again.probabilities, live.probabilities)
-    assert re.fullmatch(r"\w+:[\d.]+", settings["decider"])
-    assert settings["gap"] == pytest.approx(20.0)
-    assert not settings["known_switches"]
 
 
 def test_settings_in_a_file_are_those_of_a_live_tracker(folder):
@@ -222,18 +175,6 @@ def test_geojson_has_a_line_for_each_piece(folder, name):
         np.testing.assert_array_equal(before[-1], after[0])
     # No line goes around the world.
     assert max(np.ptp(line[:, 0]) for line in lines) < 1.0
-
-
-def test_the_map_is_in_degrees_and_dates(folder):
-    text = (folder / "aircraft_track" / "track.html").read_text()
-    call = r'Plotly\.newPlot\(\s*"[^"]+",\s*(\[.*\]),\s*(\{"template".*?\}),\s*\{'
-    traces, layout = map(json.loads, re.search(call, text).groups())
-
-    assert re.search("<script[^>]+src=", text) is None
-    assert {trace["type"] for trace in traces} == {"scattermap", "scatter"}
-    assert traces[0]["text"][0] == "2026-05-01T23:50:02Z"
-    assert layout["map"]["style"] == "open-street-map"
-    assert layout["map"]["center"]["lat"] == pytest.approx(-17.0, abs=1.0)
 
 
 @pytest.mark.parametrize("kind", ["gpx", "geojson"])

@@ -1,13 +1,10 @@
 """Objects that stand for a while, and recordings with modes of the user."""
 
-import json
-
 import numpy as np
-import pandas as pd
 import pytest
-from recorded_tracks import directions, follow, write_recording
+from recorded_tracks import directions, follow
+from scipy.signal import lfilter
 
-from agents.cli import main
 from agents.interface.output_files import write_json
 from agents.recordings.tracking import track_recording
 from baselines import OnlineTracker
@@ -15,70 +12,27 @@ from baselines.recordings.recording import make_recording
 from baselines.recordings.scatter import without_standing
 from baselines.recordings.ticks import tick_grid
 from hybrid_env.checks import ArgumentError
-from hybrid_env.modes import LinearMode
+from hybrid_env.modes import LinearMode, Straight, Turn
 
-# Speed, tick, deviation of the noise, smallest share of right rows, and parts: mode, ticks, and
-# radius of a turn, or change of the heading before the part [rad].
+# Speed, tick, deviation of the noise, smallest shares of right rows and of those of stops, radius
+# of the turns, and the modes with their ticks.
 OBJECTS = {
-    "walker": (
-        1.4,
-        1.0,
-        0.5,
-        0.9,
-        [("S", 100, 0.0), ("stop", 90, 0.0), ("S", 80, 2.0), ("L", 40, 10.0), ("stop", 60, 0.0)],
-    ),
-    "robot": (
-        0.5,
-        0.1,
-        0.02,
-        0.95,
-        [("S", 200, 0.0), ("stop", 600, 0.0), ("L", 100, 1.0), ("S", 200, 0.0)],
-    ),
-    "ship": (
-        5.0,
-        10.0,
-        10.0,
-        0.95,
-        [("S", 120, 0.0), ("stop", 300, 0.0), ("S", 100, 1.0), ("R", 60, 800.0), ("S", 90, 0.0)],
-    ),
-    "at first": (
-        1.2,
-        1.0,
-        0.3,
-        0.9,
-        [("stop", 80, 0.0), ("S", 100, 0.0), ("L", 40, 8.0), ("S", 80, 0.0)],
-    ),
+    "walker": (1.4, 1.0, 0.5, 0.9, 0.95, 10.0, "S 100 stop 90 S 80 L 40 stop 60"),
+    "short stops": (1.4, 1.0, 0.5, 0.65, 0.7, 10.0, 4 * "S 30 L 30 S 20 stop 5 S 20 "),
+    "robot": (0.5, 0.1, 0.02, 0.95, 0.95, 1.0, "S 200 stop 600 L 100 S 200"),
+    "ship": (5.0, 10.0, 10.0, 0.95, 0.95, 800.0, "S 120 stop 300 S 100 R 60 S 90"),
+    "at first": (1.2, 1.0, 0.3, 0.9, 0.95, 8.0, "stop 80 S 100 L 40 S 80"),
 }
-
-
 SIDES = {"S": 0.0, "L": 1.0, "R": -1.0, "stop": 0.0}
 
 
-def travel(parts, speed):
-    """Return positions (T, 2) and modes (T,) of an object that changes its motion at once, with
-    the speed of a tick.
-    """
-    modes = np.repeat([mode for mode, _, _ in parts], [ticks for _, ticks, _ in parts])
-    position, heading, positions = np.zeros(2), 0.4, []
-    for mode, ticks, value in parts:
-        heading += value if mode == "S" else 0.0
-        step = 0.0 if mode == "stop" else speed
-        bend = SIDES[mode] and SIDES[mode] * step / value
-        for _ in range(ticks):
-            heading += 0.5 * bend
-            position = position + step * directions(heading)
-            heading += 0.5 * bend
-            positions.append(position)
-    return np.array(positions), modes
-
-
-def glide(modes, speed, radius, share):
-    """Return positions (T, 2) of an object that nears the speed of a mode by a tenth of the
+def glide(modes, speed, radius, share=1.0, slowing=1.0):
+    """Return positions (T, 2) of an object that nears the speed of a mode by a share of the
     difference in each tick, and its side by another share.
     """
     position, heading, step, side, positions = np.zeros(2), 0.4, speed, 0.0, []
     for mode in modes:
-        step += 0.1 * ((0.0 if mode == "stop" else speed) - step)
+        step += slowing * ((0.0 if mode == "stop" else speed) - step)
         side += share * (SIDES[mode] - side)
         heading += side * step / radius
         position = position + step * directions(heading)
@@ -88,8 +42,9 @@ def glide(modes, speed, radius, share):
 
 def recorded(name, seed=1):
     """Return times, measured positions and modes of an object."""
-    speed, tau, deviation, _, parts = OBJECTS[name]
-    positions, modes = travel(parts, speed * tau)
+    speed, tau, deviation, _, _, radius, parts = OBJECTS[name]
+    modes = np.repeat(parts.split()[::2], np.array(parts.split()[1::2], int))
+    positions = glide(modes, speed * tau, radius)
     noise = np.random.default_rng(seed).normal(0.0, deviation, positions.shape)
     return tau * np.arange(len(modes)), positions + noise, modes
 
@@ -103,8 +58,9 @@ def test_stops_are_found(name):
 
     letters, radii = tracked.of_modes(tracked.modes)
     assert tracked.mode_names() == ["S", "L", "R", "stop"]
-    assert np.mean(letters == modes) > OBJECTS[name][3]
-    assert np.mean((letters == "stop")[modes == "stop"]) > 0.95
+    least, least_of_stops = OBJECTS[name][3:5]
+    assert np.mean(letters == modes) > least
+    assert np.mean((letters == "stop")[modes == "stop"]) > least_of_stops
     stands = (letters == "stop") & tracked.decided
     assert (tracked.turns[stands, :2] == 0.0).all()
     assert np.isnan(radii[stands]).all()
@@ -112,32 +68,12 @@ def test_stops_are_found(name):
     assert "modes" in tracked.model.estimated
 
 
-@pytest.mark.parametrize(("name", "ticks"), [("walker", 5), ("robot", 10), ("ship", 20)])
-def test_short_stops_are_found(name, ticks):
-    """Also by a sensor that is off for a while after every 60 rows, so that pieces are short."""
-    speed, tau, deviation, _, parts = OBJECTS[name]
-    radius = max(value for mode, _, value in parts if mode in "LR")
-    round_trip = [("S", 30, 0.0), ("L", 30, radius), ("S", 20, 0.0), ("stop", ticks, 0.0)]
-    positions, modes = travel(4 * [*round_trip, ("S", 20, -1.0)], speed * tau)
-    positions += np.random.default_rng(5).normal(0.0, deviation, positions.shape)
-    rows = np.arange(len(modes))
-
-    for times in (rows, rows + 100 * (rows // 60)):
-        tracked = track_recording(tau * times, positions)
-
-        letters, _ = tracked.of_modes(tracked.modes)
-        assert tracked.mode_names() == ["S", "L", "R", "stop"]
-        assert np.mean(letters == modes) > 0.65
-        assert np.mean((letters == "stop")[modes == "stop"]) > 0.7
-
-
 @pytest.mark.parametrize("kind", ["varies", "turns back"])
 def test_an_object_that_is_slow_for_a_moment_does_not_stop(kind):
     """A window of it looks like noise."""
     rng = np.random.default_rng([0, 5])
-    logarithms = np.zeros(600)
-    for k in range(1, 600):
-        logarithms[k] = 0.97 * logarithms[k - 1] + 0.15 * rng.normal()
+    steps = np.append(0.0, rng.normal(size=599))
+    logarithms = lfilter([0.15], [1.0, -0.97], steps)
     speed = {
         "varies": 3.0 * np.exp(logarithms),
         "turns back": 10.0 * np.clip(1.5 * np.cos(np.arange(600) * np.pi / 40.0), -1.0, 1.0),
@@ -147,16 +83,6 @@ def test_an_object_that_is_slow_for_a_moment_does_not_stop(kind):
 
     assert without_standing(tick_grid(make_recording(None, positions)))[1] > 0
     assert track_recording(None, positions).mode_names() == ["S", "L", "R"]
-
-
-@pytest.mark.parametrize("scale", [1e-3, 1e3])
-def test_stops_do_not_depend_on_the_units(scale):
-    times, positions, _ = recorded("walker")
-
-    modes = [track_recording(of * times, scale * positions).modes for of in (1.0, 60.0)]
-
-    assert (modes[0] == track_recording(times, positions).modes).all()
-    assert (modes[0] == modes[1]).all()
 
 
 def test_a_decider_of_turns_leaves_the_stops_out():
@@ -172,81 +98,11 @@ def test_a_decider_of_turns_leaves_the_stops_out():
     assert known.sum() == len(times) - tracked.standing
 
 
-def test_a_live_tracker_states_the_stops_of_the_file(tmp_path, capsys):
-    """The command writes the mode to all files; the tracker of track.json states it live."""
-    times, positions, _ = recorded("walker")
-    file = write_recording(tmp_path / "walk.csv", times, positions)
-
-    assert main(["track", str(file), "--live"]) == 0
-
-    printed = capsys.readouterr().out
-    assert "modes S, L, R, stop" in " ".join(printed.split())
-    rows = pd.read_csv(tmp_path / "walk_track" / "estimates.csv")
-    settings = json.loads((tmp_path / "walk_track" / "track.json").read_text())
-    assert settings["modes"][-1] == "stop"
-    tracker = OnlineTracker.from_recording(tmp_path / "walk_track" / "track.json")
-    live = follow(tracker, times, positions)
-    stated = np.array([tracker.mode_names[now.mode] for now in live])
-    decided = np.array([now.decided for now in live])
-    assert (stated == rows["mode"])[decided].all()
-    np.testing.assert_allclose(
-        [now.estimate for now in live][-1], rows.filter(regex="^estimate").iloc[-1]
-    )
-    # The object stands: it is expected where it is.
-    means, _ = tracker.forecast([30.0], stated=True)
-    assert np.hypot(*(means[0] - positions[-20:].mean(0))) < 0.5
-
-
-def test_modes_may_be_given(tmp_path, capsys):
-    """Those of a text are not searched; they have the units of the recording."""
-    times, positions, modes = recorded("robot")
-    file = write_recording(tmp_path / "robot.csv", times, positions)
-
-    assert main(["track", str(file), "--modes", "straight, left 1, stop", "--no-png"]) == 0
-
-    assert "modes S, L, stop" in " ".join(capsys.readouterr().out.split())
-    rows = pd.read_csv(tmp_path / "robot_track" / "estimates.csv")
-    assert np.mean(rows["mode"] == modes) > 0.95
-    with pytest.raises(ArgumentError, match="modes"):
-        track_recording(times, positions, modes="straight, jump")
-
-
-def test_a_recording_of_an_oscillator_is_tracked_by_linear_modes(tmp_path):
-    """Two frequencies, of which no line and no arc is part; the file has their matrices."""
-    rng = np.random.default_rng(0)
-
-    def swing(angle, name):
-        axis = [[np.cos(angle), np.sin(angle) / angle], [-np.sin(angle) * angle, np.cos(angle)]]
-        return LinearMode(np.kron(np.eye(2), axis), None, None, name)
-
-    modes = swing(0.3, "fast"), swing(0.1, "slow")
-    state = np.array([0.0, 2.0, 1.0, 0.0])
-    truth = np.repeat([0, 1, 0, 1], 100)
-    positions = []
-    for mode in truth:
-        state = modes[mode].F @ state
-        positions.append(state[::2])
-    measured = 1e3 * (np.array(positions) + rng.normal(0.0, 0.1, (len(truth), 2)))
-
-    whole = track_recording(None, measured, modes=modes)
-    tracked = track_recording(None, measured, modes=modes, live=True)
-
-    assert tracked.mode_names() == ["fast", "slow"]
-    assert np.mean(tracked.modes == truth) > 0.9
-    assert np.mean(whole.modes == truth) > 0.98
-    write_json(tmp_path / "track.json", tracked.settings())
-    tracker = OnlineTracker.from_recording(tmp_path / "track.json")
-    assert tracker.options == OnlineTracker.from_recording(tracked).options
-    live = [tracker.update(point) for point in measured]
-    np.testing.assert_allclose(live[-1].estimate, tracked.estimates[-1])
-    assert [now.mode for now in live[-50:]] == tracked.modes[-50:].tolist()
-
-
 def test_pieces_begin_where_the_motion_begins_to_change():
     """A car of 12 m/s at ten rows a second that steers within half a second and brakes within
     one."""
     modes = np.repeat(3 * ["S", "L", "stop", "R"], 3 * [80, 60, 70, 60])
-    positions = glide(modes, 1.2, 20.0, 0.2)
+    positions = glide(modes, 1.2, 20.0, 0.2, 0.1)
     positions += np.random.default_rng(1).normal(0.0, 0.1, positions.shape)
     tracked = track_recording(0.1 * np.arange(len(modes)), positions)
 
@@ -261,9 +117,7 @@ def test_pieces_begin_where_the_motion_begins_to_change():
 def test_a_receiver_that_stands_does_not_turn_although_its_position_drifts():
     """By four metres within some minutes, as of a GPS."""
     rng = np.random.default_rng(2)
-    drift = np.zeros((900, 2))
-    for k in range(1, 900):
-        drift[k] = 0.985 * drift[k - 1] + rng.normal(0.0, 0.5, 2)
+    drift = lfilter([0.5], [1.0, -0.985], rng.normal(size=(900, 2)), axis=0)
     standing = drift + rng.normal(0.0, 0.3, drift.shape)
     walking = standing + 1.4 * np.clip(np.arange(900) - 600, 0, None)[:, None] * [0.8, 0.6]
     for positions, modes in ((standing, ["stop"]), (walking, ["stop", "S"])):
@@ -279,7 +133,7 @@ def test_a_live_stop_is_stated_while_the_object_slows_down(length, tau):
     rng = np.random.default_rng(3)
     order = ["S", "stop", "L", "S", "stop", "R", "S", "stop", "L", "stop", "R", "S"]
     truth = np.repeat(order, 100)
-    measured = length * (glide(truth, 1.2, 20.0, 1.0) + rng.normal(0.0, 0.1, (len(truth), 2)))
+    measured = length * (glide(truth, 1.2, 20.0, 1.0, 0.1) + rng.normal(0.0, 0.1, (len(truth), 2)))
     tracked = track_recording(tau * np.arange(len(truth)), measured, live=True)
 
     assert 3.0 < tracked.model.stopping_time / tau < 30.0
@@ -292,10 +146,23 @@ def test_a_live_stop_is_stated_while_the_object_slows_down(length, tau):
     assert np.mean(delays) < 15
     assert (letters == truth).mean() > 0.85
 
-    live = OnlineTracker.from_recording(tracked)
-    assert live.mode_names == tracked.mode_names()
-    known = follow(live, tau * np.arange(len(truth)), measured)
-    assert (
-        np.mean([now.mode == mode for now, mode in zip(known, tracked.modes, strict=True)]) > 0.99
-    )
-    assert known[150].probabilities.shape == (4,)
+
+STILL = LinearMode(np.diag([1.0, 0.0, 1.0, 0.0]), name="still")
+
+
+@pytest.mark.parametrize("modes", ["straight, left 1, stop", (Straight(), Turn(1.0), STILL)])
+def test_modes_may_be_given_as_texts_and_as_matrices(modes, tmp_path):
+    """Those that are given are not searched; they have the units of the recording."""
+    times, positions, truth = recorded("robot")
+    tracked = track_recording(times, positions, modes=modes, live=True)
+    letters, _ = tracked.of_modes(tracked.modes)
+    assert np.mean(letters == np.where(truth == "stop", tracked.mode_names()[2], truth)) > 0.9
+    assert tracked.mode_names()[:2] == ["S", "L"]
+    # The file has their matrices.
+    write_json(tmp_path / "track.json", tracked.settings())
+    tracker = OnlineTracker.from_recording(tmp_path / "track.json")
+    assert tracker.options == OnlineTracker.from_recording(tracked).options
+    live = follow(tracker, times, positions)
+    assert [now.mode for now in live[-50:]] == tracked.modes[-50:].tolist()
+    with pytest.raises(ArgumentError, match="modes"):
+        track_recording(times, positions, modes="straight, jump")

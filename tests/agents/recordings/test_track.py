@@ -1,6 +1,5 @@
 """The command `hybridtrack track`: its files, many at a time, and existing results."""
 
-from io import StringIO
 from xml.etree import ElementTree
 
 import numpy as np
@@ -11,29 +10,15 @@ from recorded_tracks import OBJECTS, write_recording
 
 from agents.cli import main
 from agents.commands import track
-from agents.commands.track import Track, object_folders, work_on_files
+from agents.commands.track import Track, object_folders
 from agents.recordings.tracking import track_recording
 from baselines.recordings.reading.modes import read_modes
-from hybrid_env.checks import ArgumentError, reject
 
 
 @pytest.fixture
 def drive(tmp_path):
     """A recording of a car, R60 L50 S40 L70."""
     return write_recording(tmp_path / "drive.csv", *recorded_tracks.drive())
-
-
-def test_known_lengths_give_a_row_for_each_piece(drive):
-    Track(files=(drive,), lengths=recorded_tracks.PIECES, radii=(200.0,)).run()
-    folder = drive.parent / "drive_track"
-    pieces = pd.read_csv(folder / "modes.csv")
-
-    assert pieces["mode"].tolist() == ["R", "L", "S", "L"]
-    np.testing.assert_array_equal(pieces["radius"], [200.0, 200.0, np.nan, 200.0])
-    assert pieces["first_row"].tolist() == [1, 61, 111, 151]
-    assert pieces["last_row"].tolist() == [60, 110, 150, 220]
-    assert (pieces["begin_low"] == pieces["begin"]).all()
-    assert (folder / "track.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_rows_have_modes_probabilities_estimates_and_covariances(drive):
@@ -53,20 +38,19 @@ def test_rows_have_modes_probabilities_estimates_and_covariances(drive):
 def test_rows_are_the_same_in_parts_and_in_a_parquet_file(drive, monkeypatch):
     Track(files=(drive,), png=False).run()
     monkeypatch.setattr(track, "ROWS", 100)
-    for parquet in (False, True):
-        out = drive.parent / f"{parquet}"
-        Track(files=(drive,), png=False, parquet=parquet, out=out).run()
-    text = (drive.parent / "drive_track" / "estimates.csv").read_text()
-    table = pd.read_csv(StringIO(text))
+    out = drive.parent / "out"
+    Track(files=(drive,), png=False, parquet=True, out=out).run()
+    table = pd.read_csv(drive.parent / "drive_track" / "estimates.csv")
+    rows = pd.read_parquet(out / "estimates.parquet")
 
-    assert text == (drive.parent / "False" / "estimates.csv").read_text()
     assert set(table["decided"]) == {True}
-    rows = pd.read_parquet(drive.parent / "True" / "estimates.parquet")
-    pd.testing.assert_frame_equal(rows.astype(table.dtypes), table, check_exact=True)
     assert rows["decided"].dtype == bool
-    assert read_modes(drive.parent / "True").modes == {"drive": table["mode"].tolist()}
-    Track(files=(drive,), png=False, overwrite=True, out=drive.parent / "True").run()
-    assert not (drive.parent / "True" / "estimates.parquet").exists()
+    pd.testing.assert_frame_equal(rows.astype(table.dtypes), table, check_exact=True)
+    assert read_modes(out).modes == {"drive": table["mode"].tolist()}
+    Track(files=(drive,), png=False, overwrite=True, out=out).run()
+    written = (drive.parent / "drive_track" / "estimates.csv").read_bytes()
+    assert (out / "estimates.csv").read_bytes() == written
+    assert not (out / "estimates.parquet").exists()
 
 
 ROWS = 60
@@ -76,20 +60,6 @@ def write(path, seed=0, **more):
     generator = np.random.default_rng(seed)
     positions = np.cumsum(0.2 + 0.05 * generator.normal(size=(ROWS, 2)), axis=0)
     write_recording(path, 0.1 * np.arange(ROWS), positions, **more)
-
-
-def test_a_broken_recording_gets_one_line_and_changes_nothing(tmp_path, capsys):
-    path = tmp_path / "text.csv"
-    path.write_text("t,x,y\n0,1,2\n1,east,3\n2,3,4\n")
-
-    assert main(["track", str(path), "--bad-rows", "refuse"]) == 2
-    captured = capsys.readouterr()
-    [line] = captured.err.splitlines()
-    assert line.startswith("hybridtrack: ")
-    assert "text.csv" in line
-    assert "line 3: rows whose position cannot be read" in line
-    assert captured.out == ""
-    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_an_object_that_cannot_be_tracked_is_named_and_costs_no_other(tmp_path, capsys):
@@ -137,27 +107,6 @@ def test_each_object_has_its_own_folder(tmp_path):
     assert names == ["1", "a_b", "a_b_3"]
 
 
-def work(path, folder):
-    if path.name == "b":
-        raise reject("file", path.name, "another one")
-    if path.name == "c":
-        raise OSError(28, "No space left on device")
-    return [f"{path.name} in {folder.name}"], [], ""
-
-
-def test_every_file_is_worked_on_whatever_happens_to_the_others(tmp_path, capsys):
-    paths = [tmp_path / name for name in "abcd"]
-    with pytest.raises(ArgumentError, match="2 of 4 files could not be tracked"):
-        work_on_files(work, paths, paths, jobs=1)
-
-    *lines, last = capsys.readouterr().out.splitlines()
-    assert lines == ["a in a", "d in d"]
-    assert str(tmp_path) in last
-    with pytest.raises(ArgumentError, match="none of the 2 files could be tracked"):
-        work_on_files(work, paths[1:3], paths[1:3], jobs=1)
-    assert capsys.readouterr().out == ""
-
-
 def test_names_are_no_formulas_of_a_spreadsheet_and_are_xml(tmp_path):
     places = OBJECTS["car"].geographic(47.0, 8.0).drop(columns="mode").iloc[:60]
     names = ["=1+1", "@SUM(1)", "-1", "a\x07b"]
@@ -172,5 +121,3 @@ def test_names_are_no_formulas_of_a_spreadsheet_and_are_xml(tmp_path):
             assert set(pd.read_csv(folder / file, dtype=str)["object"]) == {written}
         assert f"<name>{written.strip(chr(39))}</name>" in (folder / "track.gpx").read_text()
         ElementTree.parse(folder / "track.gpx")
-        # The quotation mark is not of the name.
-        assert list(read_modes(folder / "estimates.csv").times) == [written.strip("'")]

@@ -4,22 +4,12 @@ import numpy as np
 import pytest
 from recorded_tracks import LENGTHS, OBJECTS, PIECES, TRUE_MODES, drive
 
-from agents.evaluation.registry import load_decider
-from agents.recordings.tracking import TrackingArguments, track_recording
-from baselines import rollout
-from baselines.recordings.imm_pass import TrackModel
-from hybrid_env import HybridTrackQuickestVectorEnv
-from hybrid_env.checks import ArgumentError
+from agents.recordings.tracking import track_recording
 from hybrid_env.simulation import simulate
 
 CAR = OBJECTS["car"]
 TRUE = np.repeat([2, 1, 0, 1], PIECES)
 TIMES, DRIVE = drive()
-
-
-def true_model(target):
-    variances = target.measurement_variance, target.process_variance
-    return TrackModel((target.radius,), *variances, 75.0, target.speed, target.tau)
 
 
 @pytest.mark.parametrize(
@@ -39,64 +29,6 @@ def test_pieces_of_known_lengths_are_right_at_any_scale(name, runs, seed, least)
         for run in target.simulate(runs, seed).measurements
     ]
     assert np.mean(right) >= least
-
-
-def agreement(target, decider, tracks, seed):
-    """Share of right ticks of a decider in the environment, and on recordings of its
-    measurements.
-    """
-    model = true_model(target)
-    env = HybridTrackQuickestVectorEnv(
-        tracks, autoreset_mode="Disabled", tick_info=False, start="random", **model.options()
-    )
-    rule = load_decider(decider, env.options)
-    ticks, measured, true, stated, right = env.options.ticks, [], [], [], []
-    for now in rollout(env, rule, seed):
-        if now.step:
-            stated.append(now.actions)
-        if now.step == ticks:
-            break
-        measured.append(env.world.field("measurement").copy())
-        true.append(env.world.field("true_mode").copy())
-    measured, true, stated = map(np.array, (measured, true, stated))
-    for k in range(tracks):
-        points = measured[:, k] / model.scales[0]
-        tracked = track_recording(target.times(ticks), points, decider=decider, live=True)
-        turns = 1 + (tracked.modes > len(tracked.model.radii))
-        right.append((np.where(tracked.modes == 0, 0, turns) == true[:, k]).mean())
-    return (stated == true).mean(), np.mean(right)
-
-
-@pytest.mark.parametrize(
-    ("name", "decider", "tracks", "seed", "chance"),
-    # Paired, on the same measurements: the difference of a track has a standard deviation of about
-    # 0.03.
-    [
-        ("car", "steady", 4, 5, 3.0 * 0.03 / np.sqrt(4)),
-        *(
-            pytest.param(name, decider, 20, 11, 0.0, marks=pytest.mark.study)
-            for name in OBJECTS
-            for decider in ("steady", "beam")
-        ),
-    ],
-)
-def test_unknown_lengths_are_as_in_the_environment(name, decider, tracks, seed, chance):
-    of_env, of_recording = agreement(OBJECTS[name], decider, tracks, seed)
-    assert of_recording > of_env - 0.02 - chance
-
-
-@pytest.mark.parametrize("name", ["walker", "ship"])
-def test_no_piece_is_shorter_than_three_rows(name):
-    """A threshold gives such pieces on the same recordings, where no true one is below 50 rows."""
-    target = OBJECTS[name]
-    shortest = {}
-    for decider in ("threshold", "steady", None):
-        tracked = [
-            track_recording(target.times(len(run)), run, decider=decider, live=decider is not None)
-            for run in target.simulate(2, seed=3).measurements
-        ]
-        shortest[decider] = min(np.diff(each.pieces[:, :2]).min() for each in tracked)
-    assert min(shortest[None], shortest["steady"]) >= 3 > shortest["threshold"]
 
 
 def test_a_car_is_tracked_without_any_option():
@@ -153,18 +85,6 @@ def test_missing_rows_are_predicted():
     np.testing.assert_array_equal(with_rows.modes[kept], without_rows.modes)
     assert (with_rows.modes == TRUE).mean() > 0.9
     assert np.isfinite(with_rows.estimates).all()
-    # A decider with filters of its own that predict.
-    known = track_recording(TIMES, empty, lengths=PIECES, decider="shipped", live=True)
-    assert known.pieces[:, 2].tolist() == [2, 1, 0, 1]
-
-
-def test_a_gap_starts_the_track_anew():
-    after = np.arange(220) >= 100
-    times = TIMES + 1000.0 * after
-    tracked = track_recording(times, DRIVE + 1e5 * after[:, None])
-
-    assert (tracked.modes == TRUE).mean() > 0.9
-    assert 100 in tracked.pieces[:, 0]
 
 
 @pytest.mark.parametrize(("rows", "options"), [(2, {}), (4, {"lengths": (1,)})])
@@ -175,8 +95,3 @@ def test_very_short_recordings_have_results(rows, options):
     assert ((tracked.modes >= 0) & (tracked.modes < tracked.probabilities.shape[1])).all()
     assert np.isfinite(tracked.estimates[-1]).all()
     assert "cannot be checked" in tracked.warnings[0]
-
-
-def test_a_recording_refuses_climbs_in_one_line():
-    with pytest.raises(ArgumentError, match=r"^modes='straight, climb 5'.*modes of the plane$"):
-        TrackingArguments(modes="straight, climb 5").check_tracking()

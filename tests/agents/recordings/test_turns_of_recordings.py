@@ -1,10 +1,9 @@
-"""Speed, radius and forecasts of a tracked recording."""
+"""Speed and radius of a tracked recording."""
 
 import numpy as np
 from recorded_tracks import OBJECTS
 
 from agents import track_recording
-from agents.recordings.figure import forecast_at_end
 
 CAR = OBJECTS["car"]
 
@@ -27,10 +26,3 @@ def test_a_recording_has_the_radius_of_the_object_and_not_that_of_the_hypothesis
     error = table["radius_estimate"][at] - CAR.radius
     assert abs(error) < 4 * table["radius_deviation"][at] < 40
     assert table["radius_estimate"][-1] == np.inf
-    # Without noise the last positions ahead are on the straight line.
-    means, covariances = forecast_at_end(tracked)
-    velocity = run.truth[0, -1, 1::2]
-    ahead = run.truth[0, -1, ::2] + np.outer([5, 10, 20], velocity)
-    for mean, covariance, place in zip(means, covariances, ahead, strict=True):
-        error = mean - place
-        assert error @ np.linalg.solve(covariance, error) < -2 * np.log(1e-4)

@@ -57,9 +57,8 @@ def test_hindsight_reads_velocities_and_a_live_tracker_goes_on_with_them():
 
     live = OnlineTracker.from_recording(tracked)
     known = [live.update(*row) for row in zip(positions, times, velocities, strict=True)]
-    now = known[-1]
-    assert [each.status for each in known] == ["begun"] + ["used"] * (len(times) - 1)
-    assert np.linalg.norm(now.estimate[1::2] - velocities[-1]) < 3.0 * SHARE * OBJECTS["ship"].speed
+    error = np.linalg.norm(known[-1].estimate[1::2] - velocities[-1])
+    assert error < 3.0 * SHARE * OBJECTS["ship"].speed
     blind = OnlineTracker.from_recording(track_recording(times, positions))
     with pytest.raises(ValueError, match="no single sensor"):
         blind.update(positions[0], 0.0, velocities[0])
@@ -87,8 +86,6 @@ def test_unit_and_direction_of_speed_and_course_are_those_that_agree_with_the_po
     file = read_recordings(tmp_path / "b.csv", frame="ned")
     assert "velocities used: km/h, y and x" in file.summary
     np.testing.assert_allclose(file.recordings[0].rates, velocities, rtol=1e-9)
-    ignored = read_recordings(tmp_path / "b.csv", frame="ned", columns={"vx": "none"})
-    assert ignored.recordings[0].rates.shape[1] == 0
 
 
 def test_what_contradicts_the_positions_is_said_and_not_used(tmp_path):

@@ -2,14 +2,13 @@
 class.
 """
 
-import dataclasses
 import sys
 
 import pytest
 from small_training import SCHEME
 
 from agents.evaluation.registry import find_decider
-from agents.learned.algorithm_names import algorithm_names, find_algorithm
+from agents.learned.algorithm_names import find_algorithm
 from agents.training.recipe import load_recipe
 from agents.training.runs import make_run, resume_run
 from hybrid_env import ArgumentError, WorldOptions
@@ -24,16 +23,6 @@ class Mine(Small):
 RECIPE = """
 default: {algo: "own_algorithm:Mine", n_timesteps: 200, hidden: 4, n_envs: 4, learning_rate: 0.01}
 """
-
-
-@pytest.mark.parametrize("name", algorithm_names())
-def test_every_file_has_the_algorithm_of_its_name(name):
-    kind = find_algorithm(name)
-
-    assert kind.name == name
-    assert kind.__module__ == f"agents.algorithms.{name}"
-    assert dataclasses.is_dataclass(kind.Settings)
-    assert kind.tasks
 
 
 @pytest.mark.parametrize("name", ["magic", "json:loads", 3])

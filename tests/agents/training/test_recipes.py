@@ -47,20 +47,3 @@ def test_the_recipes_of_the_package_are_read_written_and_read_again():
         recipe = load_recipe(name, ENV)
         again = json.loads(json.dumps(recipe.as_json()))
         assert recipe_of(again["name"], again["entry"]).as_json() == recipe.as_json()
-
-
-def test_modes_of_the_user_have_an_entry_of_their_own():
-    usual, own = (load_recipe("ppo", "HybridTrack-v0", own_modes=own) for own in (False, True))
-    assert (usual.settings.observe, usual.settings.learning_rate) == ((), 1e-3)
-    assert "posterior" in own.settings.observe
-    unknown_switches = "HybridTrackQuickest-v0"
-    assert load_recipe("ppo", unknown_switches, own_modes=True) == load_recipe(
-        "ppo", unknown_switches
-    )
-
-
-def test_a_file_with_code_is_refused(tmp_path):
-    path = tmp_path / "recipe.yml"
-    path.write_text("default: !!python/object:os.system {}")
-    with pytest.raises(ArgumentError, match="nstructor"):
-        load_recipe(str(path), ENV)

@@ -53,15 +53,9 @@ def test_probabilities_and_estimates_are_those_of_the_bank_of_the_environment():
         np.testing.assert_allclose(weights, bank.probabilities(), atol=1e-6)
         np.testing.assert_allclose(np.array(state.mean, float).ravel(), bank.estimate(), rtol=1e-5)
         np.testing.assert_allclose(np.array(state.covar, float), bank.covariance(), atol=1e-5)
-
-
-def test_no_outlier_loses_a_model():
-    predictor, updater = stone_soup_filter()
-    state = GaussianState(BEGIN[:, None], SPREAD, timestamp=START)
-
-    for tick, position in enumerate([(1.2, -0.9), (1e3, -1e3), (1.6, -0.8)], start=1):
-        state = step(predictor, updater, state, position, tick)
-
+    # No outlier loses a model.
+    for tick, place in enumerate([(1e3, -1e3), position], start=61):
+        state = step(predictor, updater, state, place, tick)
     weights = np.array([part.weight for part in state], float)
-    assert np.isfinite(weights).all()
+    assert weights.min() >= 0.0
     np.testing.assert_allclose(weights.sum(), 1.0)

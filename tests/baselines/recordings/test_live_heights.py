@@ -1,15 +1,12 @@
 """Heights of a live sensor: literal filters, a helix, and what a tracker of the plane does too."""
 
-import copy
-import pickle
-
 import numpy as np
 import pytest
 from hostile_input import refused
-from scipy import stats
+from matrix_filters import LiteralImm, merged
 
-from baselines import FixedTimeDecider, OnlineTracker, ThresholdDecider
-from hybrid_env import QuickestOptions, WorldOptions
+from baselines import OnlineTracker, ThresholdDecider
+from hybrid_env import QuickestOptions
 
 OPTIONS = {
     "speed": 50.0,
@@ -36,47 +33,24 @@ def tracker_of(**changes):
     return OnlineTracker(QuickestOptions(**RADII, **OPTIONS | changes), ThresholdDecider())
 
 
-class LiteralHeights:
+class LiteralHeights(LiteralImm):
     """Two Kalman filters of [z, vz], of a level height and of any rate, mixed as in Blom &
     Bar-Shalom 1988.
     """
 
-    def __init__(self, estimate, P):
-        tau, R = OPTIONS["tau"], OPTIONS["height_variance"]
-        self.R, speed = R, np.sqrt(R) / tau
-        self.F = np.array([[[1.0, 0.0], [0.0, 0.0]], [[1.0, tau], [0.0, 1.0]]])
-        level = np.diag([1e-3 * R, speed**2])
-        self.Q = np.array([level, np.diag([0.0, OPTIONS["climb_variance"]])])
-        self.states, self.covariances = np.array([estimate] * 2), np.array([P] * 2)
-        self.probability = np.full(2, 0.5)
-        # The mean duration is 75 ticks.
-        self.transition = np.full((2, 2), 1 / 75) + (1 - 2 / 75) * np.eye(2)
+    seen = (0,)
+    F = np.array([[[1.0, 0.0], [0.0, 0.0]], [[1.0, 1.0], [0.0, 1.0]]])
+    # Of 1e-3 R, and of a rate of the deviation of a measurement in a tick.
+    Q = np.array([np.diag([1e-3 * 9.0, 9.0]), np.diag([0.0, OPTIONS["climb_variance"]])])
 
-    def merged(self, weights):
-        mean = weights @ self.states
-        apart = self.states - mean
-        spread = self.covariances + apart[:, :, None] * apart[:, None]
-        return mean, np.einsum("k,kij->ij", weights, spread)
+    def predicted(self, j, x, P):
+        return self.F[j] @ x, self.F[j] @ P @ self.F[j].T + self.Q[j]
 
-    def step(self, z):
-        prior = self.transition.T @ self.probability
-        weights = self.transition * self.probability[:, None] / prior
-        begun = [self.merged(column) for column in weights.T]
-        H, likelihoods = np.array([[1.0, 0.0]]), np.ones(2)
-        for j, (x, P) in enumerate(begun):
-            x, P = self.F[j] @ x, self.F[j] @ P @ self.F[j].T + self.Q[j]
-            if not np.isnan(z):
-                S, innovation = (H @ P @ H.T).item() + self.R, z - x[0]
-                K = P @ H.T / S
-                x, P = x + K[:, 0] * innovation, P - K @ H @ P
-                likelihoods[j] = stats.norm.pdf(innovation, scale=np.sqrt(S))
-            self.states[j], self.covariances[j] = x, P
-        self.probability = prior * likelihoods / (prior * likelihoods).sum()
-        # The rate of a level height is 0.
-        states, covariances = self.states.copy(), self.covariances.copy()
-        self.states[0, 1] = self.covariances[0, 1] = self.covariances[0, :, 1] = 0.0
-        self.estimate, self.covariance = self.merged(self.probability)
-        self.states, self.covariances = states, covariances
+    def told(self):
+        """Return mean and covariance, where the rate of a level height is 0."""
+        (x, P), rising = self.parts
+        known = np.diag([1.0, 0.0])
+        return merged(self.probability, [(known @ x, known @ P @ known), rising])
 
 
 def test_heights_are_those_of_literal_filters_also_missing_late_and_far_ones():
@@ -89,12 +63,16 @@ def test_heights_are_those_of_literal_filters_also_missing_late_and_far_ones():
         if literal is None:
             assert now.status == "used" if k else "begun"
             if k == 2:
-                literal = LiteralHeights(now.estimate, now.covariance)
+                # The mean duration is 75 ticks.
+                stay = np.full((2, 2), 1 / 75) + (1 - 2 / 75) * np.eye(2)
+                parts = [(now.estimate, now.covariance)] * 2
+                literal = LiteralHeights(parts, stay, np.array([[OPTIONS["height_variance"]]]))
             continue
-        literal.step(np.nan if far else z)
+        literal.step(None if far or np.isnan(z) else np.array([z]))
+        mean, covariance = literal.told()
         assert now.status == ("far" if far else "missing" if np.isnan(z) else "used")
-        np.testing.assert_allclose(now.estimate, literal.estimate, rtol=1e-9, atol=1e-9)
-        np.testing.assert_allclose(now.covariance, literal.covariance, rtol=1e-6, atol=1e-9)
+        np.testing.assert_allclose(now.estimate, mean, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(now.covariance, covariance, rtol=1e-6, atol=1e-9)
         level = now.probabilities[0], literal.probability[0]
         assert level[0] == pytest.approx(level[1], rel=1e-7, abs=1e-12)
         assert now.probabilities.sum() == pytest.approx(1.0)
@@ -127,37 +105,6 @@ def test_a_helix_is_three_pieces_with_their_climb_rates_beside_the_same_plane(me
         half = slice(120 * k + 60, 120 * k + 120)
         assert np.mean(rates[half]) == pytest.approx(rate, rel=0.05)
         assert np.mean(np.array(modes[half]) == (1 if rate > 0 else 2)) > 0.95
-
-
-def test_level_heights_have_no_rate():
-    tracker = tracker_of()
-    told = [tracker.update(point).height for point in helix((0.0,), 300)]
-    assert [each.mode for each in told[50:]] == [0] * 250
-    rates = np.array([each.estimate[1] for each in told[50:]])
-    assert np.abs(rates).max() < 1.0
-
-
-def test_copies_go_on_alike_and_a_new_track_forgets_the_height():
-    points = helix()
-    tracker = tracker_of()
-    for point in points[:50]:
-        tracker.update(point)
-    copies = [copy.deepcopy(tracker), pickle.loads(pickle.dumps(tracker))]
-    for point in points[50:60]:
-        expected = tracker.update(point)
-        for each in copies:
-            np.testing.assert_equal(each.update(point), expected)
-    assert tracker.update(points[60, :2]).height is None
-    tracker.begin()
-    now = tracker.update((*points[61, :2], np.nan)).height
-    assert np.isnan(now.estimate).all()
-    assert now.status == "missing"
-
-
-def test_announced_switches_are_those_of_the_plane():
-    tracker = OnlineTracker(WorldOptions(**RADII, **OPTIONS), FixedTimeDecider(1000))
-    told = [tracker.update(point).height for point in helix((8.0,))]
-    assert [each.mode for each in told[20:]] == [1] * 100
 
 
 @pytest.mark.parametrize("height", [np.inf, 1e300, "up", None])

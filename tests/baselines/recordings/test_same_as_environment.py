@@ -19,7 +19,9 @@ from hybrid_env import QuickestOptions, WorldOptions
 @pytest.mark.parametrize(("name", "start"), [("axes", "known"), ("ship", "random")])
 @pytest.mark.parametrize("decider", [CusumDecider(), ShiryaevRobertsDecider(), ThresholdDecider()])
 def test_unknown_switch_moments(decider, name, start):
-    modes = same_as_quickest(decider, seed=3, ticks=300, start=start, **COMMON[name])
+    missed = 0.2 if name == "ship" else 0.0
+    given = {"start": start, "missed": missed} | COMMON[name]
+    modes = same_as_quickest(decider, seed=3, ticks=300, **given)
     assert len(set(modes)) > 1
 
 
@@ -30,17 +32,17 @@ def test_rules_that_filter_the_measurements(rule):
 
 
 @pytest.mark.parametrize(
-    ("name", "bank", "follow"),
+    ("name", "bank", "follow", "missed"),
     [
-        ("axes", "published", "bank"),
-        ("car", "published", "declared"),
-        ("ship", "anchor_aware", "bank"),
-        ("aircraft", "anchor_aware", "declared"),
+        ("axes", "published", "bank", 0.2),
+        ("car", "published", "declared", 0.0),
+        ("ship", "anchor_aware", "bank", 0.0),
+        ("aircraft", "anchor_aware", "declared", 0.2),
     ],
 )
-def test_known_switch_moments(name, bank, follow):
+def test_known_switch_moments(name, bank, follow, missed):
     decided = same_as_announced(
-        MSPRTDecider(0.02), seed=4, bank=bank, follow=follow, **COMMON[name]
+        MSPRTDecider(0.02), seed=4, bank=bank, follow=follow, missed=missed, **COMMON[name]
     )
     assert len(decided) == 6
     assert len({mode for mode, _ in decided}) > 1

@@ -14,22 +14,6 @@ def circle(times, radius=200.0, speed=20.0):
     return radius * np.stack([np.sin(angle), 1.0 - np.cos(angle)], axis=1)
 
 
-def test_a_clock_that_jitters_keeps_a_tick_per_row_and_positions_are_moved_along_the_velocity():
-    rng = np.random.default_rng(1)
-    times = np.arange(400) + rng.uniform(-0.3, 0.3, 400)
-    grid = tick_grid(make_recording(times, circle(times)))
-    [piece] = grid.pieces
-
-    np.testing.assert_array_equal(piece.ticks, np.arange(400))
-    assert grid.tau == pytest.approx(1.0, abs=1e-3)
-    at_ticks = circle(times - piece.late)
-    errors = np.hypot(*(piece.measurements - at_ticks).T)
-    # The arc leaves the line by speed^2 late^2 / (2 radius), and five points bend its slope a
-    # little.
-    assert errors[3:-3].max() < 20.0**2 * 0.33**2 / (2.0 * 200.0) + 0.6
-    assert errors.mean() < 0.1 * 20.0 * np.abs(piece.late).mean()
-
-
 @pytest.mark.parametrize("extra", [0.1, 0.3, 0.6, 0.9])
 def test_a_measurement_between_two_ticks_does_not_move_the_clock_for_ever(extra):
     clock = TickClock(0.5)
@@ -38,19 +22,6 @@ def test_a_measurement_between_two_ticks_does_not_move_the_clock_for_ever(extra)
 
     assert all(late == 0.0 for _, late in advanced[-10:])
     assert sum(ticks for ticks, _ in advanced) == 20
-
-
-def test_irregular_times_have_a_finer_tick_and_few_rows_share_one():
-    rng = np.random.default_rng(2)
-    times = np.cumsum(rng.exponential(1.0, 500))
-    grid = tick_grid(make_recording(times, circle(times)))
-
-    assert grid.tau < 0.3
-    assert grid.shared <= 0.06 * 500
-    [piece] = grid.pieces
-    assert np.abs(piece.late).max() <= grid.tau
-    measured = (~np.isnan(piece.measurements[:, 0])).sum()
-    assert measured == 500 - grid.shared
 
 
 def test_noise_is_estimated_also_between_missing_ticks_and_without_units():

@@ -1,15 +1,12 @@
 """The on-line tracker: times, missing measurements and the first statement."""
 
-from datetime import date, datetime
+from datetime import date
 
 import numpy as np
 import pytest
-from matrix_filters import LiteralImm, MatrixExtendedKalmanFilter
-from scipy.special import softmax
 
-from baselines import CusumDecider, FixedTimeDecider, OnlineTracker, ThresholdDecider
-from baselines.recordings.projection import Projection
-from hybrid_env import QuickestOptions, WorldOptions
+from baselines import CusumDecider, OnlineTracker, ThresholdDecider
+from hybrid_env import QuickestOptions
 from hybrid_env.checks import ArgumentError
 
 START = [0.0, 2.0, 0.0, 0.3]
@@ -28,49 +25,6 @@ def assert_same(estimate, other):
     assert (estimate.mode, estimate.decided) == (other.mode, other.decided)
     for mine, theirs in zip(estimate[2:5], other[2:5], strict=True):
         np.testing.assert_array_equal(mine, theirs)
-
-
-def test_missing_measurements_are_predicted_by_the_interacting_multiple_model():
-    options = QuickestOptions(radii=(2.0, 9.0), measurement_variance=(0.1, 0.3), hazard=0.1)
-    tracker = OnlineTracker(options, ThresholdDecider())
-    tracker.begin(START, P)
-    curvatures = [0.0, 0.5, 1 / 9, -0.5, -1 / 9]
-    literal = LiteralImm(START, P, curvatures, options.transition_matrix, 0.1, 0.001, (0.1, 0.3))
-    for k, point in enumerate(measurements(40)):
-        missing = k in {6, 10, 11, 12, 20}
-        literal.step(None if missing else point)
-        # Several are told by the time of the next one.
-        if k in {10, 11, 12}:
-            continue
-        now = tracker.update(None if missing else point, 0.1 * k)
-        np.testing.assert_allclose(now.probabilities, literal.probability, rtol=1e-8)
-        np.testing.assert_allclose(now.estimate, literal.estimate, rtol=1e-9, atol=1e-11)
-        np.testing.assert_allclose(now.covariance, literal.covariance, rtol=1e-8, atol=1e-10)
-
-
-@pytest.mark.parametrize("declared", [False, True])
-def test_missing_measurements_are_predicted_by_the_filters_of_a_segment(declared):
-    tracker = OnlineTracker(
-        WorldOptions(bank="anchor_aware"), FixedTimeDecider(4 if declared else 1000)
-    )
-    tracker.begin(START, P, mode=1)
-    filters = [
-        MatrixExtendedKalmanFilter(START, P, radius, 0.1, 0.001, (0.1, 0.1))
-        for radius in (0.0, 5.0, -5.0)
-    ]
-    for k, point in enumerate(measurements(25)):
-        missing = k in {2, 7, 8, 24}
-        for kalman in filters:
-            kalman.step(None if missing else point)
-        now = tracker.update(None if missing else point)
-        # At tick 4, also after missing ones.
-        assert now.decided == (declared and k >= 3)
-        kalman = filters[now.mode]
-        np.testing.assert_allclose(now.estimate, kalman.s[:4], rtol=1e-6, atol=1e-8)
-        np.testing.assert_allclose(now.covariance, kalman.P[:4, :4], rtol=1e-5, atol=1e-8)
-        if k <= 3 or not declared:
-            expected = softmax([kalman.log_likelihood for kalman in filters])
-        np.testing.assert_allclose(now.probabilities, expected, rtol=1e-5)
 
 
 def test_a_position_is_used_at_its_time_however_the_clock_jitters():
@@ -122,33 +76,6 @@ def test_what_a_sensor_sends_is_never_an_error():
     # A stale source sends the last position for as long as it has no other one.
     assert tracker.update(points[132], 13.3).status == "repeated"
     assert tracker.update(points[134], 13.4).status == "used"
-    # A clock that is set back by an hour, and one that is set forward by a day.
-    for start, late in ((-3600.0, OnlineTracker.patience - 1), (86400.0, 0)):
-        status = [tracker.update(points[k], start + 0.1 * k).status for k in range(140, 160)]
-        assert status == ["dropped"] * late + ["begun"] + ["used"] * (19 - late)
-    np.testing.assert_allclose(now_at(tracker), points[159], atol=1.0)
-
-
-def now_at(tracker):
-    return tracker.update(None).estimate[::2]
-
-
-def test_latitude_and_longitude_go_in_and_come_out():
-    projection = Projection(-33.9, 179.999)
-    options = QuickestOptions(radii=(200.0,), measurement_variance=4.0, speed=20.0, tau=1.0)
-    tracker, plane = (
-        OnlineTracker(options, ThresholdDecider(), projection=place) for place in (projection, None)
-    )
-    for k in range(60):
-        x, y = 20.0 * k - 600.0, 5.0 * np.sin(k)
-        latitude, longitude = projection.inverse(x, y)
-        now = tracker.update((latitude, longitude), k)
-        expected = plane.update((x, y), k)
-        assert now.mode == expected.mode
-        np.testing.assert_allclose(now.estimate, expected.estimate, atol=1e-5)
-        np.testing.assert_allclose(projection.forward(*now.position), expected.position, atol=1e-5)
-    # It has crossed the longitude 180.
-    assert longitude < 0.0
 
 
 @pytest.mark.parametrize("threshold", [0.8, 1.0])
@@ -164,28 +91,11 @@ def test_a_statement_is_decided_from_the_first_crossing_of_the_threshold_on(thre
     assert not decided[0]
 
 
-@pytest.mark.parametrize(
-    "time",
-    [
-        "12:00",
-        "3.5",
-        b"1",
-        True,
-        10**400,
-        date(2024, 5, 1),
-        datetime.min,
-        np.timedelta64(1, "s"),
-        [1.0],
-        1j,
-    ],
-    ids=range(10),
-)
+@pytest.mark.parametrize("time", ["12:00", True, 10**400, date(2024, 5, 1)])
 def test_a_time_of_another_form_is_refused_in_one_line(time):
     tracker = OnlineTracker(QuickestOptions(), ThresholdDecider())
     with pytest.raises(ArgumentError, match=r"^time=.*a number.*or a date"):
         tracker.update((0.0, 0.0), time)
-    assert tracker.update((0.0, 0.0), np.float32(1.0)).status == "begun"
-    assert tracker.update((0.0, 0.0), np.float32(np.nan)).status == "dropped"
 
 
 def test_a_clock_that_is_set_back_is_told_from_what_is_sent_late():
@@ -200,7 +110,7 @@ def test_a_clock_that_is_set_back_is_told_from_what_is_sent_late():
         ]
 
     # Times of which some have been before, and of which none have.
-    for back in (20, 20.5, 60):
+    for back in (20, 20.5, 60, 1000):
         found = statuses(ticks, ticks - back * (ticks >= 100))
         assert found[104] == "begun"
         assert set(found[105:]) == {"used"}

@@ -80,17 +80,3 @@ def test_no_reported_rhythm_is_in_the_prior():
 
     assert len(RHYTHMS) == 13
     assert not laws & fixed
-
-
-def test_sixteen_joined_histories_are_closer_to_many_than_sixteen_of_the_most_probable():
-    env = HybridTrackQuickestVectorEnv(8, ticks=200, measurement_variance=1.0)
-    deciders = [
-        BeamDecider(env.options, branches=branches, joined=joined, prior=mixed_prior())
-        for branches, joined in ((160, False), (16, True), (16, False))
-    ]
-    errors = np.zeros(2)
-    for states in states_of(env, deciders, 200):
-        many, *few = (np.exp(state.log_probability) for state in states)
-        errors += [np.abs(some - many).sum() for some in few]
-
-    assert errors[0] < 0.25 * errors[1]

@@ -4,13 +4,12 @@ import copy
 
 import numpy as np
 import pytest
-from matrix_filters import FREEDOM
+from matrix_filters import FREEDOM, merged
 from own_modes import filter_of_mode
 
 from baselines.rules.beam import BeamDecider
-from baselines.rules.beam_prior import hazards
 from hybrid_env import QuickestOptions
-from hybrid_env.durations import duration_probabilities, parse_durations, remaining_probabilities
+from hybrid_env.durations import duration_probabilities, remaining_probabilities
 
 TRIANGLE = np.triu_indices(4)
 
@@ -72,12 +71,8 @@ def test_without_pruning_the_beam_is_the_filter_of_all_modes_and_ages(text, mode
             )
             if shares.sum() > 0:
                 w = shares / shares.sum()
-                states = np.array([kalman.x[:4] for *_, kalman, _ in branches])
-                spreads = np.array([kalman.P[:4, :4] for *_, kalman, _ in branches])
-                mean = w @ states
-                covariance = np.einsum("b,bij->ij", w, spreads)
-                covariance += (w[:, None] * (states - mean)).T @ (states - mean)
-                kalman = filter_of_mode(options, new, mean, covariance)
+                parts = [(kalman.x[:4], kalman.P[:4, :4]) for *_, kalman, _ in branches]
+                kalman = filter_of_mode(options, new, *merged(w, parts))
                 children.append((new, later, 1, kalman, shares.sum()))
         branches = []
         for mode, p, age, kalman, weight in children:
@@ -93,13 +88,3 @@ def test_without_pruning_the_beam_is_the_filter_of_all_modes_and_ages(text, mode
         np.testing.assert_allclose(probabilities, weights / weights.sum(), rtol=2e-5, atol=1e-9)
 
     assert 10 < state.branches.counts[0] < 200
-
-
-def test_hazards_give_back_the_law():
-    laws = QuickestOptions(durations="uniform 5-9", start="random", ticks=400).duration_laws
-    table = hazards(laws)
-    survival = np.cumprod(np.insert(1.0 - table, 0, 1.0, axis=1), axis=1)[:, :-1]
-
-    np.testing.assert_allclose(survival * table, laws, atol=1e-12)
-    # By the definition: a segment at the start ends after tick 1 with probability 1 / mean.
-    assert remaining_probabilities(parse_durations("uniform 2-4"), 9)[0] == pytest.approx(1 / 3)

@@ -47,7 +47,8 @@ def reference(world, speed, covariance, measurements, R, law):
         tried = copy.deepcopy(filters)
         for kalman in tried:
             kalman.step(None if np.isnan(z[0]) else z)
-        outlier = not np.isnan(z[0]) and min(kalman.distance for kalman in tried) >= law.distance
+        squares = [k.innovation @ np.linalg.solve(k.Sigma, k.innovation) for k in tried]
+        outlier = not np.isnan(z[0]) and min(squares) >= law.distance
         if outlier:
             outliers += 1
             for kalman in filters:

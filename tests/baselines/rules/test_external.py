@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from agents.evaluation.registry import find_decider, load_decider
-from baselines import SPRTDecider
 from baselines.rules import external, rollout
 from baselines.rules.external import find_external
 from hybrid_env import ArgumentError, WorldOptions
@@ -129,9 +128,7 @@ LISTED = "NAME with one of its functions or classes: likeliest, Patient, Once, o
         ("leaves.py:x", r"leaves.py failed in leaves.py line 1: SystemExit: 3"),
         ("ends.py:x", "ends.py failed in ends.py line 1: GeneratorExit: 3"),
         ("mine.py", f"mine.py:{LISTED}"),
-        ("mine.py:0.1", f"mine.py:{LISTED}"),
         ("mine.py:nosuch", f"mine.py:{LISTED}"),
-        ("mine:nosuch", f"mine:{LISTED}"),
         ("nosuch.py", "nosuch.py' is not allowed: expected a file that exists"),
     ],
 )
@@ -161,14 +158,3 @@ def test_a_rule_cannot_end_the_program(kind, message):
 def test_wrong_answers_are_refused():
     with pytest.raises(ArgumentError, match="3 integers from 0 to 3"):
         record_decisions(lambda rows: np.full(3, 4), episodes=3)
-
-
-def test_a_rule_that_asks_for_the_oracle_bank_is_marked():
-    class Rule(SPRTDecider):
-        title = "mine"
-
-    assert not find_decider(Rule, OPTIONS).oracle
-    Rule.options = {"bank": "oracle"}
-    decider = find_decider(Rule, OPTIONS).at(0.1)
-    assert decider.title.endswith(", true anchor")
-    assert decider.oracle

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from own_modes import filter_of_mode
+from recorded_rollouts import recorded
 
 from baselines.rules.glr import RestartDecider
 from hybrid_env import HybridTrackQuickestVectorEnv, QuickestOptions, Radar, Sensor
@@ -33,21 +34,6 @@ SENSED = SHORT | {
         Sensor(variance=0.002, period=3),
     ),
 }
-
-
-def run(decider, **options):
-    """Return observations (T, N, width), statements (T, N) and log ratios (T, N, M)."""
-    env = HybridTrackQuickestVectorEnv(4, **options)
-    env.reset(seed=3)
-    seen, stated, log_ratios = [], [], []
-    state = None
-    for _ in range(env.options.ticks):
-        seen.append(decider.observe(env.world))
-        actions, state = decider.predict(seen[-1], state)
-        stated.append(actions)
-        log_ratios.append(state.log_ratios.copy())
-        env.step(np.zeros(4, np.int64))
-    return np.array(seen), np.array(stated), np.array(log_ratios)
 
 
 def step(kalman, row, options):
@@ -112,7 +98,9 @@ def literal(seen, options, mean, threshold, margin, window):
 def test_statements_and_ratios_equal_those_of_a_literal_loop(given, window, margin, mean):
     options = QuickestOptions(**given)
     decider = RestartDecider(options, 2.5, margin, window, mean)
-    seen, stated, log_ratios = run(decider, **given)
+    env = HybridTrackQuickestVectorEnv(4, **given)
+    seen, stated, states = recorded(env, decider, options.ticks)
+    log_ratios = np.array([state.log_ratios for state in states])
     changes = 0
     for track in range(4):
         expected, values = literal(seen[:, track], options, mean, 2.5, margin, window)

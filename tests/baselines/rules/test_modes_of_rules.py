@@ -5,12 +5,11 @@ those with filters for turns refuse them.
 import numpy as np
 import pytest
 
-from baselines import BeamDecider, MSPRTDecider, record_statements
+from baselines import MSPRTDecider, record_statements
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, rules
 from baselines.rules.rollout import record_decisions
 from baselines.scoring.statements import measure_statements
 from hybrid_env import ArgumentError, QuickestOptions, WorldOptions
-from hybrid_env.modes import LinearMode, Stop, Straight
 
 # Four and five modes, in an order of their own.
 FOUR = "stop, straight, left 5, accelerate 2"
@@ -67,25 +66,3 @@ def test_a_rule_that_is_made_by_hand_gets_the_types_of_the_environment():
     )
 
     np.testing.assert_array_equal(first.decided_mode, second.decided_mode)
-
-
-def test_a_beam_of_general_filters_is_that_of_the_filters_of_turns():
-    given = {"ticks": 120, "measurement_variance": 0.01, "missed": 0.1}
-    decider = BeamDecider(QuickestOptions(**given))
-    general = BeamDecider(QuickestOptions(**given))
-    general.model.motions["linear"][0] = True
-    stated = [record_statements(each, 4, 2, **given).stated_modes for each in (decider, general)]
-
-    np.testing.assert_array_equal(*stated)
-
-
-def test_a_mode_of_matrices_is_stated():
-    # An oscillation about the origin in place of a turn.
-    c, s = np.cos(0.1), np.sin(0.1)
-    spring = LinearMode(np.kron(np.eye(2), [[c, s], [-s, c]]), name="spring")
-    modes = (Straight(), Stop(), spring)
-    options = {"modes": modes, "ticks": 300, "measurement_variance": 0.01}
-    recorded = record_statements(BeamDecider(QuickestOptions(**options)), 4, 0, **options)
-    right = recorded.true_modes == recorded.stated_modes
-
-    assert right[recorded.true_modes == 2].mean() > 0.8

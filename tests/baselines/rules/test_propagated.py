@@ -3,16 +3,11 @@
 import numpy as np
 from scipy.special import softmax
 
+from baselines import rollout
 from baselines.rules.propagated import RefilteringDecider
-from hybrid_env import HybridTrackVectorEnv, Layout
+from hybrid_env import HybridTrackVectorEnv
 
 TRACKS = 19
-
-
-def declare_at_20(rows):
-    layout = Layout.of_rows(rows)
-    late = layout.read(rows, "ticks") >= 19.5
-    return np.where(late, layout.read(rows, "log_ratio").argmax(-1) + 1, 0)
 
 
 def test_kept_covariance_equals_the_bank_that_keeps_its_covariance():
@@ -24,15 +19,14 @@ def test_kept_covariance_equals_the_bank_that_keeps_its_covariance():
         measurement_variance=1.0,
     )
     decider = RefilteringDecider(env.options, bank="published", propagates=False)
-    rows, _ = env.reset(seed=5)
-    start = np.ones(TRACKS, np.bool_)
-    state = None
-    for _ in range(100):
-        _, state = decider.predict(decider.observe(env.world), state, start)
-        expected = softmax(env.world.layout.read(rows, "log_ratio"), axis=-1)
-        # Smaller ones are clipped in the observation.
-        large = expected > 1e-12
-        np.testing.assert_allclose(
-            state[0].posterior[0][large], expected[large], rtol=2e-2, atol=1e-4
-        )
-        rows, _, start, _, _ = env.step(declare_at_20(rows))
+    rows = None
+    for now in rollout(env, decider, 5):
+        if now.step:
+            expected = softmax(env.world.layout.read(rows, "log_ratio"), axis=-1)
+            # Smaller ones are clipped in the observation.
+            large = expected > 1e-12
+            posterior = now.state[0].posterior[0]
+            np.testing.assert_allclose(posterior[large], expected[large], rtol=2e-2, atol=1e-4)
+        if now.step == 100:
+            break
+        rows = now.observation.copy()

@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from matrix_filters import MatrixExtendedKalmanFilter, MatrixKalmanFilter, jacobian, move
+from matrix_filters import MatrixExtendedKalmanFilter, MatrixKalmanFilter, jacobian
+from scipy import linalg
 from scipy.stats import chi2
 
 from baselines.rules.anchor_errors import AnchorErrors
 from baselines.rules.component_filters import ComponentFilters, speeds, stated_anchors
-from baselines.rules.measurements import axes_in_rows, in_rows, split_sensed
+from baselines.rules.measurements import in_rows, split_sensed
 from baselines.rules.propagated import RefilteringDecider
 from baselines.rules.rollout import rollout
 from hybrid_env import HybridTrackVectorEnv
@@ -17,45 +18,34 @@ H = np.eye(4)[[0, 2]]
 
 
 def heading_of(velocity_x, velocity_y):
-    return np.array([[velocity_x, velocity_y], [-velocity_y, velocity_x]]) / np.hypot(
-        velocity_x, velocity_y
-    )
+    turn = np.array([[velocity_x, velocity_y], [-velocity_y, velocity_x]])
+    return turn / np.sqrt(velocity_x**2 + velocity_y**2)
 
 
 def literal_error(kalman, bank, ticks):
     """Return mean (5,) and covariance (5, 5) of error and speed of the anchor after some ticks."""
-    F_bank, Q, R = bank.Phi, kalman.Q, np.diag(bank.R)
-    state, known = kalman.x, bank.x
+    R = np.diag(bank.R) if np.ndim(bank.R) == 1 else bank.R
     joint = np.zeros((11, 11))
     joint[:7, :7] = kalman.P
     for _ in range(ticks):
-        F = jacobian(lambda x: move(x, kalman.tau), state)
-        if state[6] == 0.0:
-            F[:4, 6] = 0.0
-        state = move(state, kalman.tau)
-        _, P = bank.predicted()
+        kalman.x, F, Q = kalman.linearised()
+        known, F_bank, Q_bank = bank.linearised()
+        P = F_bank @ bank.P @ F_bank.T + Q_bank
         K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
-        bank.P = P - K @ H @ P
         rest = np.eye(4) - K @ H
-        known = rest @ (F_bank @ known + bank.B) + K @ state[[0, 2]]
+        bank.P = rest @ P
+        bank.x = rest @ known + K @ kalman.x[[0, 2]]
         A = np.block([[F, np.zeros((7, 4))], [K @ H @ F[:4], rest @ F_bank]])
-        noise = np.zeros((11, 11))
-        noise[:7, :7] = Q
         # Noise of the velocity moves no position in its tick.
-        noise[7:, 7:] = K @ R @ K.T
-        joint = A @ joint @ A.T + noise
+        joint = A @ joint @ A.T + linalg.block_diag(Q, K @ R @ K.T)
 
     def error(values):
-        turn = heading_of(values[8], values[10])
-        error = values[:4] - values[7:]
-        x, y = turn @ error[[0, 2]], turn @ error[[1, 3]]
-        return np.array([x[0], y[0], x[1], y[1], np.hypot(values[8], values[10])])
+        turn, error = heading_of(values[8], values[10]), values[:4] - values[7:]
+        (x, vx), (y, vy) = np.transpose([turn @ error[::2], turn @ error[1::2]])
+        return np.array([x, vx, y, vy, np.sqrt(values[8] ** 2 + values[10] ** 2)])
 
-    values = np.concatenate([state, known])
-    step = 1e-6
-    J = np.array(
-        [(error(values + step * e) - error(values - step * e)) / (2 * step) for e in np.eye(11)]
-    ).T
+    values = np.concatenate([kalman.x, bank.x])
+    J = jacobian(error, values)
     return error(values), J @ joint @ J.T
 
 
@@ -188,47 +178,3 @@ def test_errors_of_simulated_episodes_have_the_computed_distribution(name):
     assert np.all(np.abs(white.mean(0)) < 3.5 / np.sqrt(n) + 0.02)
     inside = np.mean(square < chi2.ppf(0.5, 4))
     assert abs(inside - 0.5) < 3.3 * 0.5 / np.sqrt(n)
-
-
-# Arguments of `whitened_errors`, and the side on which the mean squared error is outside.
-FURTHER = {
-    "missed": ({"missed": 0.3}, None),
-    "sensors": ({"sensors": ["0.05", "0.4 period 3"]}, None),
-    "far radar": ({"sensors": ["radar 0.3 0.003 at 100 0"]}, None),
-    "robust filters": ({"robust": True}, None),
-    # The bank of the environment follows an outlier further than the computed noise.
-    "robust filters, outliers": ({"robust": True, "noise": "outliers 0.05"}, "above"),
-    # Every measurement counts as one of the mean accuracy.
-    "near radar": ({"sensors": ["radar 0.3 0.01 at 9 0"]}, "above"),
-    # They are left out.
-    "range rates": ({"sensors": ["radar 0.3 0.003 rate 0.1 at 100 0"]}, "below"),
-    "R = 1": ({"measurement_variance": 1.0}, None),
-    # Where the noise is large, an early declaration leaves a turn rate that is no longer normal.
-    "R = 1, early declarations": (
-        {"measurement_variance": 1.0, "alpha": 0.03, "episodes": 1500},
-        "above",
-    ),
-}
-
-
-@pytest.mark.parametrize("name", often(FURTHER))
-def test_squared_errors_are_four_but_with_outliers_near_radars_and_range_rates(name):
-    """The mean squared error is that of four degrees of freedom. It is larger, so that the rule is
-    overconfident, with outliers, beside a radar, and after early declarations in strong noise, and
-    smaller with range rates.
-    """
-    arguments, outside = FURTHER[name]
-    square = (whitened_errors(**{"episodes": 100} | arguments) ** 2).sum(1)
-    low, high = mean_bounds(len(square))
-    side = "below" if square.mean() < low else "above" if square.mean() > high else None
-    assert len(square) > 400
-    assert side == outside
-
-
-def test_the_rows_tell_the_axes_of_the_measurement_noise():
-    env = HybridTrackVectorEnv(40, measurement_variance=(0.02, 0.5), radii=(3.0, 8.0))
-    rows, _ = env.reset(seed=2)
-    axes = axes_in_rows(env.options, rows, in_rows(env.options, rows))
-    c, s = env.world.field("heading").T
-    # x, which has the smaller variance, lies at minus the heading.
-    np.testing.assert_allclose(axes, np.stack([c**2 - s**2, -2 * c * s], axis=-1), atol=2e-3)

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from recorded_rollouts import recorded
 
-from baselines import rollout
 from baselines.rules.change_detection import CusumDecider, ShiryaevRobertsDecider
 from baselines.rules.steady import SteadyDecider
 from hybrid_env import HybridTrackQuickestVectorEnv, QuickestLayout
@@ -20,13 +20,7 @@ TRACKS = 12
 def run(decider, episodes=1):
     """Return rows (T, N, width) and statements (T, N) of a decider that keeps its state."""
     env = HybridTrackQuickestVectorEnv(TRACKS, autoreset_mode="SameStep", **OPTIONS)
-    seen, stated = [], []
-    for now in rollout(env, decider, 3):
-        if now.step:
-            stated.append(now.actions)
-        if now.step == 150 * episodes:
-            return np.array(seen), np.array(stated)
-        seen.append(now.observation)
+    return recorded(env, decider, 150 * episodes)[:2]
 
 
 def cusum(ratios):

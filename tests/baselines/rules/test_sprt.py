@@ -1,15 +1,13 @@
-"""The SPRT: thresholds, the rule for several hypotheses, Wald's bounds, and the decider."""
+"""The SPRT: thresholds, the rule for several hypotheses, and Wald's bounds."""
 
 import math
 
 import numpy as np
 import pytest
 
-from baselines import FixedTimeDecider, SPRTDecider, sprt_thresholds
+from baselines import SPRTDecider, sprt_thresholds
 from baselines.rules.rollout import record_decisions
 from baselines.rules.sprt import sprt_test
-from hybrid_env.core.observation_row import LOG_SCALE, TICK_SCALE
-from hybrid_env.observation import Layout
 
 A, B = sprt_thresholds(0.01, 0.02)
 
@@ -75,33 +73,6 @@ def test_error_rate_and_decision_time_of_two_normal_hypotheses_satisfy_walds_bou
     assert np.mean(times) >= expected - 4 * np.std(times) / math.sqrt(runs)
     # Overshoot of one increment, relative to a threshold of about 4.
     assert np.mean(times) <= 1.25 * expected
-
-
-def row(ratios, tick, previous):
-    layout = Layout(3)
-    observation = np.zeros((1, layout.width), np.float32)
-    observation[0, layout.slices["log_ratio"]] = LOG_SCALE * (np.array(ratios) - max(ratios))
-    observation[0, layout.slices["previous"]][previous] = 1.0
-    observation[0, layout.slices["ticks"]] = TICK_SCALE * tick
-    return observation
-
-
-def test_the_decider_restores_rejected_hypotheses_at_a_switch():
-    decider = SPRTDecider(0.01, 0.02)
-    actions, state = decider.predict(row([0.0, B - 1.0, 0.0], 7, 0))
-
-    assert actions.tolist() == [0]
-    assert state[1].tolist() == [[True, False, True]]
-    kept = state[1].copy()
-    actions, later = decider.predict(row([0.0, 0.0, 0.0], 1, 0), state)
-    assert later[1].tolist() == [[True, True, True]]
-    np.testing.assert_array_equal(state[1], kept)
-
-
-def test_fixed_time_declares_the_most_likely_hypothesis_at_its_decision_time():
-    decider = FixedTimeDecider(10)
-    assert decider.predict(row([0.0, 3.0, 1.0], 9, 0))[0].tolist() == [0]
-    assert decider.predict(row([0.0, 3.0, 1.0], 10, 0))[0].tolist() == [2]
 
 
 @pytest.mark.parametrize(("alpha", "accuracy", "ticks"), [(0.1, 0.846, 20.4), (1e-6, 0.986, 31.5)])

@@ -1,7 +1,5 @@
 """Scores of statements of any origin: cases counted by hand."""
 
-import datetime
-
 import numpy as np
 import pytest
 
@@ -102,21 +100,3 @@ def test_a_single_track_has_intervals_over_blocks_if_it_is_long():
     assert whole.estimates["statements"]["false_changes"].high > 0.0
     assert counts.of("switches", 0).sum() == 100
     assert counts.of("scored", 0).sum() == times[0][-1]
-    short = score(*(lines[0] for lines in tracks(1, 15, 2)))
-    assert short.unit == ""
-    delay = short.as_json()["figures"]["statements"]["delay"]
-    assert delay == {"value": 2.0, "low": None, "high": None}
-
-
-def test_times_may_be_dates():
-    lines = list("aabbbb"), list("aaabbb")
-    expected = values(np.arange(0, 30, 5), *lines)
-    start = datetime.datetime(2026, 1, 1)
-    dates = [start + datetime.timedelta(seconds=5 * k) for k in range(6)]
-    for times in (
-        dates,
-        [date.replace(tzinfo=datetime.UTC) for date in dates],
-        np.array(dates, "datetime64[us]"),
-        [date.isoformat() for date in dates],
-    ):
-        assert values(times, *lines) == pytest.approx(expected, nan_ok=True)

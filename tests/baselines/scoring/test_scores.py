@@ -46,9 +46,6 @@ def test_ratios_and_differences_are_those_of_the_figures():
 
     assert other.ratio(line, TIME_AT[0.95]).value == pytest.approx(9.0 / 30.0)
     assert other.difference(line, SHARE, 0, 2).value == pytest.approx(-0.1)
-    assert line.at(1).thresholds == (1.0,)
-    assert line.at(1).estimate(SHARE) == line.estimate(SHARE, 1)
-    assert line.some([0, 3]).episodes == 2
 
 
 @pytest.mark.parametrize("share", [0.0, 1.0])

@@ -102,17 +102,6 @@ def test_statements_at_ticks_are_counted_as_those_at_samples():
         )
 
 
-def test_delays_of_two_short_tracks():
-    true, stated = (
-        np.array([[int(mode) for mode in text] for text in texts]).T
-        for texts in (("0000111222", "2222222200"), ("0100011112", "1222222222"))
-    )
-    metrics = measure_statements(Statements(true, stated), change_cost=2.0)
-
-    assert metrics.delays.tolist() == [1, 2]
-    assert metrics.value("change_ratio") == pytest.approx(5 / 3)
-
-
 def test_the_reward_is_that_of_the_environment():
     options = {"ticks": 120, "durations": "uniform 10-30", "change_cost": 3.0}
     decider = ThresholdDecider(0.5)

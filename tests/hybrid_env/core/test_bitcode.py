@@ -1,21 +1,13 @@
-"""Bitcode of kernels: the bits of compiled code; without it, or with another's, kernels compile."""
+"""Bitcode of kernels: all ids have it; without it, or with another's, kernels compile."""
 
-import functools
 import importlib
 import lzma
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
-from hybrid_env.core import bitcode, compilation, kernels, memory
+from hybrid_env.core import bitcode, compilation, kernels
 from hybrid_env.registration import ENVIRONMENTS, make_track_vector_env
-
-IDS = {
-    "ImmBank": "HybridTrackQuickest-v0",
-    "PublishedBank": "HybridTrackPublishedBank-v0",
-    "AnchorAwareBank": "HybridTrackRaw-v0",
-}
 
 
 def small(address, command):
@@ -39,30 +31,6 @@ def folder(tmp_path, monkeypatch):
     (tmp_path / "saved").mkdir()
     yield tmp_path / "saved"
     compilation.cache_folder.cache_clear()
-
-
-# Each compiles a whole kernel, which no cache keeps.
-@pytest.mark.study
-@pytest.mark.parametrize("bank", IDS)
-def test_bitcode_gives_the_bits_of_compiled_code(bank, tmp_path):
-    kernel = kernels.kernel_of(getattr(memory, bank), False)
-    bitcode.save(kernel, tmp_path)
-    address = bitcode.load(kernel.__name__, tmp_path)
-    assert address
-    function = compilation.compiled(kernel)
-    compilation.prepare(function, 0, 0)
-    one, other = (make_track_vector_env(IDS[bank], 9) for _ in range(2))
-    for env, called in ((one, function), (other, bitcode.call)):
-        (parameters,) = env.unwrapped.world._parameters
-        parameters["kernel"] = address
-        env.unwrapped.world.run = functools.partial(called, parameters.ctypes.data)
-    generator = np.random.default_rng(0)
-
-    assert np.array_equal(one.reset(seed=0)[0], other.reset(seed=0)[0])
-    for _ in range(300):
-        actions = generator.integers(one.single_action_space.n, size=9)
-        for ours, theirs in zip(one.step(actions)[:3], other.step(actions)[:3], strict=True):
-            assert ours.tobytes() == theirs.tobytes()
 
 
 def test_the_kernels_of_all_registered_ids_are_saved(monkeypatch, tmp_path):
@@ -107,26 +75,26 @@ def test_damaged_code_in_the_cache_is_made_again(content, folder):
     assert kept.read_bytes() == code
 
 
-def test_a_kernel_that_raises_compiles(folder):
-    bitcode.save(raising, folder)
-
-    assert bitcode.load("raising", folder) == 0
+def for_another_system(saved):
+    module = bitcode.llvm.parse_bitcode(lzma.decompress(saved))
+    module.triple = "arm64-apple-darwin"
+    return lzma.compress(module.as_bitcode())
 
 
 @pytest.mark.parametrize(
-    "content", [lzma.compress(b"BC\xc0\xde" + bytes(64)), b"garbage", lzma.compress(b"BC")[:20]]
+    ("kernel", "change"),
+    [
+        (raising, lambda saved: saved),
+        (small, for_another_system),
+        (small, lambda saved: lzma.compress(b"BC\xc0\xde" + bytes(64))),
+        (small, lambda saved: saved[:20]),
+        (small, lambda saved: b"garbage"),
+    ],
+    ids=["raises", "another system", "no bitcode", "cut", "garbage"],
 )
-def test_bitcode_that_cannot_be_read_compiles(content, folder):
-    bitcode.path_of("small", folder).write_bytes(content)
+def test_bitcode_that_cannot_be_used_compiles(kernel, change, folder):
+    bitcode.save(kernel, folder)
+    path = bitcode.path_of(kernel.__name__, folder)
+    path.write_bytes(change(path.read_bytes()))
 
-    assert bitcode.load("small", folder) == 0
-
-
-def test_bitcode_for_another_system_compiles(folder):
-    bitcode.save(small, folder)
-    path = bitcode.path_of("small", folder)
-    module = bitcode.llvm.parse_bitcode(lzma.decompress(path.read_bytes()))
-    module.triple = "arm64-apple-darwin"
-    path.write_bytes(lzma.compress(module.as_bitcode()))
-
-    assert bitcode.load("small", folder) == 0
+    assert bitcode.load(kernel.__name__, folder) == 0

@@ -48,14 +48,6 @@ def test_only_the_first_process_compiles_and_says_so(run):
     assert run() == ""
 
 
-def test_what_has_been_said_is_not_said_again(monkeypatch, capsys):
-    monkeypatch.delenv(compilation.COMPILING, raising=False)
-    compilation._announce("kept")
-    compilation._announce("kept")
-
-    assert capsys.readouterr().err.count("compiling") == 1
-
-
 def test_other_sources_and_checked_indices_have_other_folders(tmp_path, run, monkeypatch):
     monkeypatch.setattr(numba.config, "BOUNDSCHECK", 0)
     run()

@@ -1,7 +1,6 @@
 """Files that are damaged, very large, or no recordings: one line each."""
 
 import gzip
-import json
 import os
 import tracemalloc
 
@@ -108,16 +107,6 @@ def test_a_damaged_file_is_read_or_refused(read, kind, examples):
     attack(examples, damaged(content), check)
 
 
-def test_a_single_row_of_its_own_time_is_refused(read):
-    with pytest.raises(ArgumentError, match=r"has 1 measured positions|more than half"):
-        read("t,x,y\n,z\n" + "".join(f"{k},4000000,{k},4960000\n" for k in range(9)))
-
-
-def test_a_file_whose_only_line_is_damaged_has_no_rows(read):
-    with pytest.raises(ArgumentError, match="expected rows of numbers"):
-        read(b'0.0\x01\x01\x0b"\x0b\x01')
-
-
 @pytest.mark.parametrize("text", ["[" * 20_000, "t,x" + " " * 9_000 + "[,y"])
 def test_long_names_of_columns_take_no_time(read, text):
     accepted(lambda: read(text + "\n" + ROWS))
@@ -130,14 +119,6 @@ def test_size_and_rows_are_bounded(read, tmp_path, monkeypatch):
     os.truncate(path, 250_000_001)
     with pytest.raises(ArgumentError, match="megabytes, at most 250"):
         read_recordings(path)
-    bomb = gzip.compress(b"t,x,y\n" + b"1,2,3\n" * 4_000_000)
-    tracemalloc.start()
-    try:
-        with pytest.raises(ArgumentError, match="MB when decompressed"):
-            read(bomb)
-        assert tracemalloc.get_traced_memory()[1] < 60_000_000
-    finally:
-        tracemalloc.stop()
     monkeypatch.setattr(files, "LIMITS", Limits(rows=29))
     with pytest.raises(ArgumentError, match="30 rows, at most 29"):
         read(PARQUET)
@@ -145,6 +126,7 @@ def test_size_and_rows_are_bounded(read, tmp_path, monkeypatch):
 
 POINT = b'<trkpt lat="5" lon="3"/>'
 BOMBS = {
+    "compressed": (gzip.compress(b"t,x,y\n" + b"1,2,3\n" * 4_000_000), "MB when decompressed"),
     "rows": (b"t,x,y\n" + b"1,2,3\n" * 3_000_000, "rows, at most 2,500,000"),
     "cells": (
         b"x,y" + b",a" * 1990 + b"\n" + (b"1,2" + b"," * 1990 + b"\n") * 26_000,
@@ -187,40 +169,6 @@ def test_texts_that_a_parquet_file_repeats_are_not_expanded(read):
 
     assert len(read(stream.getvalue().to_pybytes()).recordings[0].times) == 13_000
     assert pa.default_memory_pool().max_memory() - before < 100_000_000
-
-
-def parquet(**columns):
-    """A file of 200 rows, x and y, and other columns."""
-    rows = np.arange(200.0)
-    stream = pa.BufferOutputStream()
-    pyarrow.parquet.write_table(pa.table({"t": rows, "x": rows, "y": rows} | columns), stream)
-    return stream.getvalue().to_pybytes()
-
-
-def test_texts_that_are_too_long_for_a_cell_are_no_column(read):
-    long = ["1" + "0" * 9000] * 200
-    assert "long texts, which is not read: note" in read(parquet(note=long)).summary
-    with pytest.raises(ArgumentError, match=r"no columns x and y.*its columns are t, y\)"):
-        read(parquet(x=long))
-
-
-def test_texts_are_bounded_as_those_of_other_files(read, monkeypatch):
-    file = parquet(note=pa.array(["a" * 900] * 200, pa.large_string()))
-    assert "columns not used: note" in read(file).summary
-    monkeypatch.setattr(files, "LIMITS", Limits(megabytes=0.1))
-    assert "long texts, which is not read: note" in read(file).summary
-
-
-def test_damaged_metadata_of_pandas_do_not_matter(read):
-    named = pa.Table.from_pandas(FRAME.set_index("t"))
-    metadata = json.loads(named.schema.metadata[b"pandas"])
-    del metadata["columns"][0]["name"]
-    stream = pa.BufferOutputStream()
-    damaged_one = named.replace_schema_metadata({"pandas": json.dumps(metadata)})
-    pyarrow.parquet.write_table(damaged_one, stream)
-
-    [recording] = read(stream.getvalue().to_pybytes()).recordings
-    np.testing.assert_array_equal(recording.times, FRAME.t)
 
 
 def test_what_is_not_a_regular_file_is_refused_without_waiting(tmp_path):

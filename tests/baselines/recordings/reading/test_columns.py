@@ -15,16 +15,6 @@ TWO_NAMED = TWO.rename(columns={"who": "icao24"}).assign(callsign=["u", "v", "w"
 OTHER = FRAME.set_axis(["Zeit", "Ost", "Nord"], axis=1)
 FEET = FRAME.rename(columns={"x": "x_ft", "y": "y_ft"})
 MIXED = FRAME.rename(columns={"x": "x_ft", "y": "y_m"})
-SAME_NAME = "t,x,X,y\n0,1,1,1\n1,2,2,2\n"
-
-
-def test_columns_are_found_by_name_in_any_order(read):
-    names = ["timestamp", "Easting", "Northing"]
-    file = read(FRAME.set_axis(names, axis=1)[names[::-1]].assign(speed=1.0))
-    [recording] = file.recordings
-    np.testing.assert_array_equal(recording.positions, FRAME[["x", "y"]])
-    np.testing.assert_array_equal(recording.times, T)
-    assert "columns not used: speed" in file.summary
 
 
 @pytest.mark.parametrize(
@@ -39,7 +29,6 @@ def test_columns_of_the_caller(read_one, frame, columns, expected):
     recording = read_one(frame, columns=columns)
     np.testing.assert_array_equal(recording.times, T)
     np.testing.assert_array_equal(recording.positions, expected)
-    read_one(SAME_NAME, columns={"x": "3", "y": "4"})
 
 
 def test_units(read_one):
@@ -67,18 +56,6 @@ def test_units(read_one):
 )
 def test_names_of_objects(read, frame, column, names):
     assert [one.name for one in read(frame, object_column=column).recordings] == names
-
-
-def test_unmarked_objects_without_a_word_in_the_times(read, read_one):
-    advice = "--object the column that tells them apart, or --object none"
-    interleaved = TWO.sort_values("t", kind="stable").assign(t=np.arange(2.0 * ROWS))[
-        ["t", "x", "y"]
-    ]
-    interleaved[["x", "y"]] += np.random.default_rng(0).normal(0.0, 0.5, (2 * ROWS, 2))
-    with pytest.raises(ArgumentError, match=rf"rows alternate between places.*{advice}"):
-        read(interleaved)
-
-    assert len(read_one(interleaved, object_column="none").times) == 2 * ROWS
 
 
 @pytest.mark.parametrize(("scale", "step"), [(1e-3, 0.0), (1.0, 0.1), (1e6, 3.0)])

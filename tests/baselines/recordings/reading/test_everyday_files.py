@@ -212,6 +212,12 @@ CASES = {
         clock(DATE=dated("%d%m%y"), TIME=dated("%H%M%S.%f")),
         SAID + "dates and times of day (%d%m%y %H%M%S.%f) from 2026-05-13T11:58:00Z",
     ),
+    "milliseconds": (clock(**{"time [ms]": 1e3 * T + 7e3}), SAID + "in ms"),
+    "milliseconds that are said": (clock(time=1e3 * T), SAID + "in ms", {"time_unit": "ms"}),
+    "nanoseconds": (clock(t_ns=(1e9 * UNIX).astype(np.int64)), "nanoseconds since 1970"),
+    "zone": (clock(t=dated("%Y-%m-%dT%H:%M:%S.%f+02:00", 9)), "from 2026-05-13T09:58:00Z"),
+    "basic": (clock(t=dated("%Y%m%dT%H%M%S.%fZ", 7)), "from 2026-05-13T11:58:00Z"),
+    "day first": (clock(t=dated("%d.%m.%Y %H:%M:%S.%f")), "from 2026-05-13T11:58:00Z"),
     "microseconds": (clock(timestamp=(1e6 * T).astype(int) + 51_234_567), SAID + "in us"),
     "two clocks": (
         clock(timestamp=UNIX.astype(int) // 5, time_utc_usec=(1e6 * UNIX).astype(np.int64)),

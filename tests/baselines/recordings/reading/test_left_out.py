@@ -56,22 +56,6 @@ def test_rows_are_left_out_and_counted(read, more, left_out):
         read(content, bad_rows="refuse")
 
 
-def test_names_below_the_first_row_are_no_header(read):
-    """They would cost the rows above them."""
-    file = read("\n".join([*LINES[1:151], "x,y", *LINES[151:]]))
-    np.testing.assert_array_equal(file.recordings[0].times, T)
-    assert file.left_out == {"rows with another number of cells": 1}
-    assert "no header: columns taken as time, x, y" in file.summary
-
-
-def test_rows_out_of_order_are_sorted(read):
-    swapped = FRAME.iloc[[*range(50), 51, 50, *range(52, ROWS)]]
-    for frame in (swapped, FRAME[::-1]):
-        file = read(frame)
-        np.testing.assert_array_equal(file.recordings[0].times, T)
-        np.testing.assert_array_equal(file.recordings[0].positions, TRACK)
-
-
 def test_a_clock_that_is_set_back_begins_a_new_piece(read):
     frame = FRAME.assign(time=np.where(T < 120, T, T - 3600.0))
     file = read(frame)
@@ -91,19 +75,6 @@ def test_more_than_a_tenth_is_a_warning_and_more_than_half_a_refusal(read):
     cells.loc[70:129, "time"] = "lost"
     with pytest.raises(ArgumentError, match="more than half of walk is left out"):
         read(cells)
-
-
-def test_an_object_that_cannot_be_tracked_does_not_cost_the_others(read):
-    frame = pd.concat(
-        [
-            FRAME.assign(id="a"),
-            FRAME.assign(id="b", x=np.nan),
-            FRAME.assign(id="c", x=FRAME.x + 9.0),
-        ]
-    )
-    file = read(frame.sort_values("time", kind="stable"))
-    assert [recording.name for recording in file.recordings] == ["a", "c"]
-    assert "b has 0 measured positions" in file.warnings[0]
 
 
 @pytest.mark.parametrize("scale", [1.0, 60.0])

@@ -1,74 +1,11 @@
-"""Times in all forms, their order, missing rows and gaps."""
+"""Missing rows and gaps between times; forms of times: `test_everyday_files`."""
 
 import numpy as np
 import pandas as pd
-import pytest
-
-from baselines.recordings.recording import make_recording
 
 ROWS = 40
 SECONDS = 0.25 * np.arange(ROWS)
-START = pd.Timestamp("2024-05-01T10:00:00")
-DATES = START + pd.to_timedelta(SECONDS, unit="s")
-EPOCH = START.timestamp()
 POSITIONS = np.column_stack([np.arange(ROWS), np.sqrt(np.arange(ROWS))])
-AMERICAN = DATES.strftime("%m/%d/%Y %I:%M:%S.%f %p")
-
-
-@pytest.fixture
-def read_times(read):
-    """Return a function that reads a file with cells in the column of times."""
-
-    def read_times(cells, name="t", **options):
-        frame = pd.DataFrame({name: cells, "x": POSITIONS[:, 0], "y": POSITIONS[:, 1]})
-        file = read(frame.to_csv(index=False, sep=";"), **options)
-        return file.recordings[0], file.summary
-
-    return read_times
-
-
-FORMS = {
-    "seconds": (SECONDS + 7.0, "t", None),
-    "milliseconds by their name": (SECONDS * 1e3 + 7e3, "time [ms]", None),
-    "since 1970 in s": (SECONDS + EPOCH, "timestamp", START),
-    "since 1970 in ms": (np.int64((SECONDS + EPOCH) * 1e3), "t", START),
-    "since 1970 in ns": (
-        np.int64(np.int64(EPOCH) * 10**9) + np.int64(SECONDS * 1e9),
-        "t_ns",
-        START,
-    ),
-    "ISO": (DATES.strftime("%Y-%m-%dT%H:%M:%S.%f"), "datetime", START),
-    "ISO with zone": (
-        DATES.strftime("%Y-%m-%d %H:%M:%S.%f+02:00"),
-        "t",
-        START - pd.Timedelta("2h"),
-    ),
-    "basic ISO": (DATES.strftime("%Y%m%dT%H%M%S.%fZ"), "t", START),
-    "day.month.year": (DATES.strftime("%d.%m.%Y %H:%M:%S.%f"), "t", START),
-    "time of day": (DATES.strftime("%H:%M:%S.%f"), "t", None),
-}
-
-
-@pytest.mark.parametrize("form", FORMS)
-def test_forms_of_times(read_times, form):
-    cells, name, start = FORMS[form]
-    recording, summary = read_times(cells, name)
-    offset = 36_000.0 if form == "time of day" else 7.0 if start is None else 0.0
-
-    np.testing.assert_allclose(recording.times, SECONDS + offset, atol=1e-6)
-    assert recording.epoch == (None if start is None else f"{start.isoformat()}Z")
-    assert recording.time_unit == "s"
-    assert "tick 0.25 s" in summary
-    assert (start is None) == (" from 20" not in summary)
-
-
-def test_the_format_or_unit_of_the_caller(read_times):
-    recording, _ = read_times(AMERICAN, time_unit="%m/%d/%Y %I:%M:%S.%f %p")
-    np.testing.assert_allclose(recording.times, SECONDS)
-    recording, summary = read_times(SECONDS, time_unit="ms")
-    np.testing.assert_allclose(recording.times, SECONDS / 1e3)
-    assert "times are in ms" in summary
-    assert read_times(SECONDS, tau=0.2502)[0].tick == 0.25
 
 
 def test_missing_rows_and_gaps(read, read_one):
@@ -85,13 +22,3 @@ def test_missing_rows_and_gaps(read, read_one):
     assert np.isnan(recording.positions[7]).all()
     assert read_one(frame, gap=7.0).pieces == ((1, 38),)
     assert read_one(frame, gap=0.5).pieces == ((1, 3), (3, 7), (9, 19), (20, 38))
-
-
-def test_recording_of_arrays():
-    recording = make_recording(
-        None, [[0.0, 1.0], [np.nan, 5.0], [2.0, 2.0], [4.0, 3.0]], breaks=[3]
-    )
-    np.testing.assert_array_equal(recording.times, [0, 1, 2, 3])
-    assert recording.pieces == ((0, 3), (3, 4))
-    assert not recording.positions.flags.writeable
-    assert make_recording([3, 4, 6], np.ones((3, 2)), gap=1.5).pieces == ((0, 2), (2, 3))
