@@ -13,7 +13,8 @@ from online_episodes import COMMON
 from baselines import BeamDecider, CusumDecider, MSPRTDecider, OnlineTracker, ThresholdDecider
 from hybrid_env import QuickestOptions, Sensor, WorldOptions, simulate
 
-DISTURBED, STEADY = 40, 50
+# After 50 measurements in a row with times of the past a track begins anew.
+DISTURBED, STEADY = 40, 70
 DECIDERS = {
     "threshold": lambda options: ThresholdDecider(0.6),
     "cusum": lambda options: CusumDecider(3.0),
@@ -29,7 +30,7 @@ def tracker_of(decider, world):
 
 
 def follow(seed):
-    """Follow an object through 40 ticks with errors of place and clock, and 50 good ones."""
+    """Follow an object through 40 ticks with errors of place and clock, and 70 good ones."""
     generator = np.random.default_rng(seed)
     tracker = tracker_of(generator.choice(list(DECIDERS)), generator.choice(list(COMMON)))
     options, announced = tracker.options, tracker.track.announced
