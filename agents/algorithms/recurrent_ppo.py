@@ -7,8 +7,8 @@ from annotated_types import Interval
 from torch import Tensor
 
 from agents.algorithms.ppo import PPOSettings
+from agents.learned.torch_defaults import Units
 from agents.training.library import LibraryAlgorithm
-from agents.training.library_settings import Layer
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,7 +18,7 @@ class RecurrentPPOSettings(PPOSettings):
     policy: Literal["MlpLstmPolicy"]  # type: ignore[assignment]
     network = {  # noqa: RUF012
         **PPOSettings.network,
-        "lstm_hidden_size": Layer,
+        "lstm_hidden_size": Units,
         "n_lstm_layers": Annotated[int, Interval(ge=1, le=2)],
         "enable_critic_lstm": bool,
     }

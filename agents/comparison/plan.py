@@ -4,6 +4,7 @@ import dataclasses
 import functools
 import hashlib
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -25,10 +26,10 @@ from agents.evaluation.registry import (
 from agents.evaluation.report import Result
 from agents.evaluation.task import Task, sweep, task_of
 from agents.interface.help_texts import shown_default
-from agents.interface.parallel import Call, Workers
+from agents.interface.parallel import Workers
 from agents.interface.progress import Report, calls_shown
 from agents.interface.world_arguments import TrustArguments, WorldArguments
-from agents.training.recipe import load_recipe, recipe_names
+from agents.training.recipe import load_recipe, package_recipes
 from baselines.rules import seeds
 from baselines.rules.decider import Decider
 from hybrid_env.checks import Count, NotNegative, checked, declared_fields, reject
@@ -124,11 +125,11 @@ class Plan(WorldArguments, TrustArguments, Workers):
             if parse_name(name).threshold is not None:
                 raise reject("decider", name, "a name without a threshold: all are compared")
             if not str(name).endswith((".yml", ".yaml")):
-                check_name(name, self.task.switches, recipe_names())
+                check_name(name, self.task.switches, [*package_recipes()])
 
     def find(self, name: Any) -> Any:
         """Return a decider, or the recipe of an agent still to be trained."""
-        is_recipe = name in recipe_names() and name not in shipped_names(self.task.switches)
+        is_recipe = name in [*package_recipes()] and name not in shipped_names(self.task.switches)
         if is_recipe or str(name).endswith((".yml", ".yaml")):
             return load_recipe(name, self.task.env_id, own_modes="modes" in self.task.given)
         return find_decider(name, self.task.options)
@@ -164,7 +165,7 @@ class Plan(WorldArguments, TrustArguments, Workers):
         title = f"Comparing {counted(len(order), 'decider')}"
         with calls_shown(progress, title, len(order)) as reports:
             said = dict(zip(order, reports, strict=True))
-            calls: dict[tuple[Any, int], Call] = {
+            calls: dict[tuple[Any, int], Callable[[], Any]] = {
                 call: functools.partial(self.score, folder, *call, said[call]) for call in order
             }
             scored = dict(self.results(calls, lambda call: said[call]("", 1.0)))

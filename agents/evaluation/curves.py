@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from agents.evaluation.report import Result
-from agents.evaluation.task import EQUAL_WRONG_CHANGES, Task
+from agents.evaluation.task import Task
 from agents.figures.curves import Axis, Curve, Panel, curve_figure
 from agents.figures.decider_colours import decider_styles
 from baselines.scoring.scores import Statistic, mean
@@ -130,7 +130,7 @@ def _unknown_panels(task: Any, groups: Groups) -> list[Panel]:
         (reward, "mean reward of a tick", "reward"),
     ):
         drawn = curves(task, groups, mean("wrong_changes"), STATISTICS[name], least_x=0.0)
-        rates = [EQUAL_WRONG_CHANGES, *(_selected(drawn)[0] if drawn else [])]
+        rates = [task.equal_wrong_changes, *(_selected(drawn)[0] if drawn else [])]
         low, high = min(rates) / 3.0, max(rates) * 3.0
         places = [digit * power for power in (0.01, 0.1, 1.0, 10.0, 100.0) for digit in (1, 2, 5)]
         axis = Axis(
@@ -138,7 +138,7 @@ def _unknown_panels(task: Any, groups: Groups) -> list[Panel]:
             (low, high),
             {rate: f"{rate:g}" for rate in places if low <= rate <= high},
             log=True,
-            levels={EQUAL_WRONG_CHANGES: ""},
+            levels={task.equal_wrong_changes: ""},
         )
         shown = [
             y

@@ -6,13 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar, Literal
 
-from annotated_types import Interval, Len
+from annotated_types import Len
 
-from agents.training.settings import Factor, LearningRate
+from agents.learned.torch_defaults import Units
+from agents.training.settings import Factor, check_rate
 from hybrid_env.checks import Checked, Count, checked, declared_fields, reject
-
-# Units of a layer, of which a file may not ask for more.
-Layer = Annotated[int, Interval(ge=1, le=1024)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,7 +24,7 @@ class LibrarySettings(Checked):
     # Parallel tracks.
     n_envs: Count
     # Constant, or "lin_" and the initial value for linear decay to zero.
-    learning_rate: LearningRate
+    learning_rate: Annotated[str | float, check_rate]
     # Class of the policy.
     policy: Literal["MlpPolicy"]
     policy_kwargs: Mapping[str, Any] = field(default_factory=dict)
@@ -39,7 +37,7 @@ class LibrarySettings(Checked):
     observe: tuple[str, ...] = ()
 
     network: ClassVar[Mapping[str, Any]] = {
-        "net_arch": Annotated[tuple[Layer, ...], Len(1, 8)],
+        "net_arch": Annotated[tuple[Units, ...], Len(1, 8)],
         "ortho_init": bool,
     }
     """Declared types of the keyword arguments of the policy."""

@@ -91,7 +91,7 @@ def test_a_change_of_units_changes_no_statement(habits):
 def test_an_untrained_network_is_the_threshold_rule():
     # No utility of keeping the statement.
     margin = -float(np.log1p(np.exp(2.0)))
-    decider = StatementDecider(StatementNet(4), QuickestOptions()).at(margin)
+    decider = StatementDecider(StatementNet(4, 26), QuickestOptions()).at(margin)
     agent, rule = (record_statements(each, 20, 0) for each in (decider, ThresholdDecider(0.0)))
 
     assert (agent.stated_modes == rule.stated_modes).mean() > 0.999

@@ -13,7 +13,6 @@ import pytest
 from hostile_input import accepted, attack, damaged
 
 from baselines.recordings.reading import files
-from baselines.recordings.reading.files import Limits
 from baselines.recordings.reading.read import read_recordings
 from hybrid_env.checks import ArgumentError
 
@@ -138,7 +137,7 @@ def test_size_and_rows_are_bounded(read, tmp_path, monkeypatch):
         assert tracemalloc.get_traced_memory()[1] < 60_000_000
     finally:
         tracemalloc.stop()
-    monkeypatch.setattr(files, "LIMITS", Limits(rows=29))
+    monkeypatch.setitem(files.LIMITS, "rows", 29)
     with pytest.raises(ArgumentError, match="30 rows, at most 29"):
         read(PARQUET)
 
@@ -207,7 +206,7 @@ def test_texts_that_are_too_long_for_a_cell_are_no_column(read):
 def test_texts_are_bounded_as_those_of_other_files(read, monkeypatch):
     file = parquet(note=pa.array(["a" * 900] * 200, pa.large_string()))
     assert "columns not used: note" in read(file).summary
-    monkeypatch.setattr(files, "LIMITS", Limits(megabytes=0.1))
+    monkeypatch.setitem(files.LIMITS, "megabytes", 0.1)
     assert "long texts, which is not read: note" in read(file).summary
 
 
