@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from agents.comparison.comparison import Comparison
+from agents.evaluation.comparison import Comparison
 from agents.evaluation.report import Result
 from agents.evaluation.task import task_of
 from baselines.rules.decider import rules

@@ -8,7 +8,7 @@ import pytest
 from own_modes import Halt
 from small_training import KINDS, small_run
 
-from agents.comparison.plan import Plan
+from agents.commands.compare import Compare
 from agents.evaluation.registry import find_decider
 from agents.evaluation.task import task_of
 from baselines.rules.rollout import record_decisions
@@ -76,6 +76,6 @@ def test_deciders_of_turns_refuse_modes_by_name(name):
 
 def test_the_usual_deciders_apply_to_the_modes():
     for env, given in ((ENVS[False], {}), (ENVS[True], {"ticks": 60})):
-        command = Plan(env=env, modes=MODES, **given).completed()
+        command = Compare(env=env, modes=MODES, **given).completed()
         assert "shipped" not in command.deciders
         assert len(command.looked_up) > 3

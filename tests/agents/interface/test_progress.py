@@ -5,7 +5,7 @@ import threading
 
 from rich.console import Console
 
-from agents.interface.progress import Report, calls_shown, progress_display
+from agents.interface.progress import calls_shown, progress_display, read_progress, write_progress
 
 
 def test_lines_say_what_runs_and_the_time_left(capsys):
@@ -34,17 +34,17 @@ def test_calls_are_one_bar_with_the_labels_of_those_that_run():
 
 
 def test_what_is_read_while_a_call_reports_is_never_half_a_line(tmp_path):
-    report, ended = Report(tmp_path / "0"), threading.Event()
-    assert report.read() == ("", 0.0)
-    report("Scoring ATE", 0.987654321)
+    path, ended = tmp_path / "0", threading.Event()
+    assert read_progress(path) == ("", 0.0)
+    write_progress(path, "Scoring ATE", 0.987654321)
 
     def say():
         while not ended.is_set():
-            report("Scoring ATE", 0.987654321)
+            write_progress(path, "Scoring ATE", 0.987654321)
 
     thread = threading.Thread(target=say)
     thread.start()
-    read = {report.read() for _ in range(2000)}
+    read = {read_progress(path) for _ in range(2000)}
     ended.set()
     thread.join()
 

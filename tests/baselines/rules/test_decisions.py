@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from agents import task_of
 from baselines import SPRTDecider
 from baselines.rules.rollout import record_decisions
-from baselines.scoring.decisions import RMSE, Decisions
+from baselines.scoring.decisions import Decisions
 from baselines.scoring.scores import Scores
 from hybrid_env import HybridTrackEnv, WorldOptions
 
@@ -46,4 +47,4 @@ def test_figures_of_an_episode_are_those_of_its_segments():
     assert values["reward"] == pytest.approx(-0.1)
     scores = Scores("x", "k", (0.0,), Decisions.columns, decisions.values[..., None])
     # Over ticks, not over segments.
-    assert scores.estimate(RMSE).value == pytest.approx(2.0)
+    assert scores.estimate(task_of(ENV).statistic("rmse")).value == pytest.approx(2.0)
