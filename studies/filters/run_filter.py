@@ -8,19 +8,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from studies.filters.track_filter import FloatArray, TrackFilter
+from studies.arrays import FloatArray
+from studies.filters.track_filter import TrackFilter
 
 
 @dataclass(frozen=True)
 class Estimates:
-    """Estimates for T ticks of B tracks in d dimensions. A single track has no axis B."""
+    """Estimates for T ticks of B tracks in d dimensions."""
 
     # (T, B, n) estimates after the measurement of each tick, NaN before a track begins.
     states: FloatArray
     # (T, B, n, n) of the estimates; None if there are none or they were not kept.
     covariances: FloatArray | None
-    # (T, B), see `TrackFilter.log_likelihood`
-    log_likelihoods: FloatArray
     # Number of values per axis of a state, m.
     order: int
     # Estimates of the state some time ahead, see `horizons` of `run_filter`.
@@ -39,7 +38,7 @@ class Estimates:
 
 def run_filter(
     track_filter: TrackFilter,
-    measurements: ArrayLike,
+    measurements: FloatArray,
     times: ArrayLike,
     *,
     noises: FloatArray | None = None,
@@ -51,7 +50,7 @@ def run_filter(
 
     Args:
         track_filter: any filter.
-        measurements: (T, B, d) positions [m], NaN where there is none, or (T, d) of a single track.
+        measurements: (T, B, d) positions [m], NaN where there is none.
         times: (T,) or (T, B) [s], not decreasing. The same time twice has measurements of two
             sensors.
         noises: covariances of the measurements [m^2] in the place of that of the filter, (T, d, d)
@@ -61,10 +60,7 @@ def run_filter(
         keep_covariances: False leaves the covariances out, which take the most memory.
         horizons: times ahead of each tick for which the state is forecast [s].
     """
-    values = np.asarray(measurements, float)
-    single = values.ndim == 2
-    values = values[:, None] if single else values
-    tracks = values.shape[1]
+    tracks = measurements.shape[1]
     moments = np.asarray(times, float)
     if begun is None:
         track_filter.begin(tracks)
@@ -74,17 +70,15 @@ def run_filter(
     written: list[list[Any]] = [[] for _ in range(1 + len(horizons))]
     for k, step in enumerate(steps):
         track_filter.predict(step)
-        track_filter.update(values[k], None if noises is None else noises[k])
+        track_filter.update(measurements[k], None if noises is None else noises[k])
         later = [copy.deepcopy(track_filter) for _ in horizons]
         for horizon, forecast in zip(horizons, later, strict=True):
             forecast.predict(horizon)
         for rows, each in zip(written, (track_filter, *later), strict=True):
             covariance = np.array(each.covariance) if kept else np.empty(tracks)
-            rows.append((each.state.copy(), covariance, each.log_likelihood))
+            rows.append((each.state.copy(), covariance))
     results = []
     for rows in written:
-        arrays = [np.stack(column) for column in zip(*rows, strict=True)]
-        states, covariances, logs = [array[:, 0] for array in arrays] if single else arrays
-        spread = covariances if kept else None
-        results.append(Estimates(states, spread, logs, track_filter.order))
+        states, covariances = (np.stack(column) for column in zip(*rows, strict=True))
+        results.append(Estimates(states, covariances if kept else None, track_filter.order))
     return replace(results[0], forecasts=tuple(results[1:]))

@@ -33,8 +33,6 @@ class Reproduce:
     """Papers to reproduce."""
     runs: int | None = None
     """Number of runs of each study, at least 2; 1000 by default. Golubkov and Tsyganov used 100."""
-    seed: int = 0
-    """Seed of the simulated recordings."""
     out: Path = Path("results/papers")
     """Output folder for the tables (Markdown and JSON)."""
     quick: bool = False
@@ -47,7 +45,7 @@ class Reproduce:
         for paper in self.papers:
             study = import_module(f"studies.papers.{paper}")
             begun = time.perf_counter()
-            result = study.reproduce(**({} if runs is None else {"runs": runs}), seed=self.seed)
+            result = study.reproduce(*[runs] * (runs is not None))
             path = self.out / paper
             save_results(path, to_markdown(result), result.as_json())
             print(f"Computed in {time.perf_counter() - begun:.1f} s.\n")

@@ -11,11 +11,12 @@ a manoeuvre about three times better than the Kalman filter.
 
 import numpy as np
 
+from studies.arrays import FloatArray
 from studies.filters.kalman import KalmanFilter
 from studies.filters.motion_models import MotionModel
 from studies.filters.run_filter import run_filter
 from studies.filters.track_filter import TrackFilter
-from studies.papers.published import FloatArray, Reproduction, intervals, table_row
+from studies.papers.published import Reproduction, intervals, table_row
 
 # Length of a tick [s], and R [m^2].
 TAU, VARIANCE = 0.1, 25.0

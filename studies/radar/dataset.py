@@ -14,9 +14,10 @@ import pandas as pd
 
 from baselines import Scores, Statistic
 from hybrid_env import ArgumentError
+from studies.arrays import FloatArray
 from studies.radar import radars
 from studies.radar.filters import Estimated
-from studies.radar.flights import FLIGHTS, RECORD_STEP, Flight, FloatArray, point_mass_flights
+from studies.radar.flights import FLIGHTS, RECORD_STEP, Flight, point_mass_flights
 from studies.radar.radars import (
     NOISES,
     Noise,

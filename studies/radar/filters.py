@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from optuna.distributions import BaseDistribution, FloatDistribution, IntDistribution
 
+from studies.arrays import FloatArray
 from studies.filters.correction import StudentT
 from studies.filters.imm import IMMFilter
 from studies.filters.kalman import KalmanFilter
@@ -20,7 +21,7 @@ from studies.filters.motion_models import MotionModel
 from studies.filters.run_filter import run_filter
 from studies.filters.track_filter import TrackFilter
 from studies.radar.alternatives import GHFilter
-from studies.radar.flights import SPEED, FloatArray
+from studies.radar.flights import SPEED
 from studies.radar.radars import SIGMA, Tracks
 
 Parameters = Mapping[str, Any]

@@ -11,12 +11,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import levy_stable
 
-from studies.radar.flights import Flight, FloatArray
-
-IntArray = NDArray[np.int64]
+from studies.arrays import FloatArray, IntArray
+from studies.radar.flights import Flight
 
 Noise = Literal["gaussian", "levy"]
 NOISES: tuple[Noise, ...] = ("gaussian", "levy")

@@ -34,7 +34,6 @@ def evaluate(
     env_id: str,
     worlds: Mapping[str, Mapping[str, Any]],
     episodes: int,
-    seed: int,
     jobs: int,
 ) -> list[Row]:
     """Return rows of every decider in every environment, the nominal one first."""
@@ -45,15 +44,13 @@ def evaluate(
     ]
     usual = dict(zip(names, in_parallel(selected, jobs, "thresholds"), strict=True))
     calls = [
-        delayed(evaluate_world)(world, task_of(env_id, options), usual, episodes, seed)
+        delayed(evaluate_world)(world, task_of(env_id, options), usual, episodes)
         for world, options in worlds.items()
     ]
     return [row for rows in in_parallel(calls, jobs, "worlds") for row in rows]
 
 
-def evaluate_world(
-    world: str, task: Task, usual: Mapping[str, float], episodes: int, seed: int
-) -> list[Row]:
+def evaluate_world(world: str, task: Task, usual: Mapping[str, float], episodes: int) -> list[Row]:
     """Return rows of all deciders in one environment; `usual` has their nominal thresholds.
 
     Each uses the threshold with the best reward, selected on other episodes, once of this
@@ -67,7 +64,7 @@ def evaluate_world(
         decider = find_decider(name, task.options)
         best = nominal if world == NOMINAL else select_threshold(task, decider, episodes)
         thresholds = tuple(dict.fromkeys((best, nominal)))
-        every.append(sweep(task, decider, episodes, seed, thresholds=thresholds))
+        every.append(sweep(task, decider, episodes, 0, thresholds=thresholds))
     rows: list[Row] = [
         {
             "world": world,
@@ -81,7 +78,7 @@ def evaluate_world(
     ]
     first, *others = every
     if task.options.switches == "announced":
-        rows[0]["bound"] = bound_scores(task, episodes, seed).estimate(goal, 0)
+        rows[0]["bound"] = bound_scores(task, episodes, 0).estimate(goal, 0)
     if others:
         other = max(others, key=lambda scores: scores.curve(goal)[0])
         rows[0] |= {
