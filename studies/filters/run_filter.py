@@ -1,9 +1,6 @@
 """A filter over the recorded positions of many tracks, and what filters and smoothers return."""
 
-import copy
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,8 +19,6 @@ class Estimates:
     covariances: FloatArray | None
     # Number of values per axis of a state, m.
     order: int
-    # Estimates of the state some time ahead, see `horizons` of `run_filter`.
-    forecasts: tuple["Estimates", ...] = ()
 
     @property
     def positions(self) -> FloatArray:
@@ -44,7 +39,6 @@ def run_filter(
     noises: FloatArray | None = None,
     begun: float | None = None,
     keep_covariances: bool = True,
-    horizons: Sequence[float] = (),
 ) -> Estimates:
     """Run a filter over recorded positions.
 
@@ -58,7 +52,6 @@ def run_filter(
         begun: time of the present estimates of the filter [s], see `KalmanFilter.begin_from`; None
             begins each track with its first measurement.
         keep_covariances: False leaves the covariances out, which take the most memory.
-        horizons: times ahead of each tick for which the state is forecast [s].
     """
     tracks = measurements.shape[1]
     moments = np.asarray(times, float)
@@ -67,18 +60,12 @@ def run_filter(
     first = moments[:1] if begun is None else np.full_like(moments[:1], begun)
     steps = np.diff(moments, axis=0, prepend=first)
     kept = keep_covariances and track_filter.covariance is not None
-    written: list[list[Any]] = [[] for _ in range(1 + len(horizons))]
+    states = []
+    covariances = []
     for k, step in enumerate(steps):
         track_filter.predict(step)
         track_filter.update(measurements[k], None if noises is None else noises[k])
-        later = [copy.deepcopy(track_filter) for _ in horizons]
-        for horizon, forecast in zip(horizons, later, strict=True):
-            forecast.predict(horizon)
-        for rows, each in zip(written, (track_filter, *later), strict=True):
-            covariance = np.array(each.covariance) if kept else np.empty(tracks)
-            rows.append((each.state.copy(), covariance))
-    results = []
-    for rows in written:
-        states, covariances = (np.stack(column) for column in zip(*rows, strict=True))
-        results.append(Estimates(states, covariances if kept else None, track_filter.order))
-    return replace(results[0], forecasts=tuple(results[1:]))
+        states.append(track_filter.state.copy())
+        if kept:
+            covariances.append(np.array(track_filter.covariance))
+    return Estimates(np.stack(states), np.stack(covariances) if kept else None, track_filter.order)

@@ -88,14 +88,3 @@ def test_a_track_begins_with_its_first_measurement():
     assert np.isnan(filtered.states[0]).all()
     np.testing.assert_array_equal(filtered.states[1, 0], [3.0, 0.0, 5.0, 0.0])
     np.testing.assert_allclose(filtered.covariances[1, 0], np.diag([4.0, 900.0, 9.0, 900.0]))
-
-
-def test_forecasts_are_those_of_a_filter_that_only_predicts():
-    measured = np.random.default_rng(3).normal(0.0, 9.0, (25, 1, 2))
-    kalman = KalmanFilter(MotionModel("CV", axes=2, noise=4.0), 25.0, (20.0,))
-    filtered = run_filter(kalman, measured, np.arange(25.0), horizons=(0.0, 3.0))
-    now, later = filtered.forecasts
-
-    np.testing.assert_allclose(now.states, filtered.states)
-    np.testing.assert_allclose(later.positions, filtered.positions + 3.0 * filtered.velocities)
-    assert later.covariances[3, 0, 0, 0] > filtered.covariances[3, 0, 0, 0]

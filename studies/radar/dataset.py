@@ -1,9 +1,6 @@
-"""The data set of the study, flights, radars and measurements with both noises, and the errors
-of filters on it.
-"""
+"""The data set of the study: flights, radars and measurements with both noises."""
 
 import json
-from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -12,31 +9,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from baselines import Scores, Statistic
 from hybrid_env import ArgumentError
 from studies.arrays import FloatArray
 from studies.radar import radars
-from studies.radar.filters import Estimated
 from studies.radar.flights import FLIGHTS, RECORD_STEP, Flight, point_mass_flights
-from studies.radar.radars import (
-    NOISES,
-    Noise,
-    Tracks,
-    flight_errors,
-    measure,
-    padded_tracks,
-    scan_flights,
-)
+from studies.radar.radars import NOISES, Noise, Tracks, measure, padded_tracks, scan_flights
 
-# Times ahead [s].
-HORIZONS = (1.0, 2.0, 5.0)
-# Columns of a flight: RMSE of position [m] and velocity [m/s] as means over the axes, RMSE of the
-# position by eq. (1.25) of the thesis [m], RMSE of the measurements as the mean over the axes [m],
-# RMSE of the forecast positions as means over the axes [m]. See `flight_errors`.
-COLUMNS = ("position", "velocity", "distance", "measured", *(f"ahead {h:g}" for h in HORIZONS))
-STATISTICS = {name: Statistic((name,), np.positive) for name in COLUMNS}
-# Noise reduction ratio: the error that a filter leaves of that of the measurements.
-STATISTICS["noise reduction ratio"] = Statistic(("position", "measured"), np.divide)
 CARD = """# Radar tracks of flights
 
 {flights} simulated flights past two radars, after A. Novospaskyi, "Analysis of the efficiency of
@@ -151,33 +129,3 @@ def _axes(prefix: str, values: FloatArray) -> dict[str, Any]:
 def _joined(table: pd.DataFrame, prefix: str) -> FloatArray:
     """Return values, (n, 3), of their columns."""
     return table[[f"{prefix}{axis}" for axis in "xyz"]].to_numpy()
-
-
-def truth_ahead(
-    flights: Sequence[Flight], tracks: Tracks, horizon: float, fewest: int = 3
-) -> FloatArray:
-    """Return the true positions some time after every measurement, (K, N, 3) [m]; NaN where none
-    counts, as before the third measurement of a track.
-    """
-    truth = np.full_like(tracks.positions, np.nan)
-    for k, flight in enumerate(flights):
-        times = tracks.times[:, k] + horizon
-        present = ~np.isnan(tracks.positions[:, k, 0])
-        counts = np.flatnonzero(present & (times <= flight.times[-1]))
-        counts = counts[counts >= fewest - 1]
-        truth[counts, k] = flight.states_at(times[counts])[0]
-    return truth
-
-
-def score_estimates(name: str, estimated: Estimated, data: RadarData, noise: Noise) -> Scores:
-    """Return the scores of estimates on the test flights, with forecasts at `HORIZONS`."""
-    tracks = data.tracks["test"][noise]
-    position, distance = flight_errors(estimated.positions, tracks.positions).T
-    velocity, _ = flight_errors(estimated.velocities, tracks.velocities).T
-    measured, _ = flight_errors(tracks.measurements, tracks.positions).T
-    forecasts = [
-        flight_errors(forecast, truth_ahead(data.flights["test"], tracks, horizon))[:, 0]
-        for horizon, forecast in zip(HORIZONS, estimated.forecasts, strict=True)
-    ]
-    values = np.column_stack([position, velocity, distance, measured, *forecasts])
-    return Scores(name, "", (0.0,), COLUMNS, values[..., None])
