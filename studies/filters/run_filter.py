@@ -15,7 +15,7 @@ class Estimates:
 
     # (T, B, n) estimates after the measurement of each tick, NaN before a track begins.
     states: FloatArray
-    # (T, B, n, n) of the estimates; None if there are none or they were not kept.
+    # (T, B, n, n) of the estimates; None if the filter has none.
     covariances: FloatArray | None
     # Number of values per axis of a state, m.
     order: int
@@ -38,7 +38,6 @@ def run_filter(
     *,
     noises: FloatArray | None = None,
     begun: float | None = None,
-    keep_covariances: bool = True,
 ) -> Estimates:
     """Run a filter over recorded positions.
 
@@ -51,21 +50,19 @@ def run_filter(
             or (T, B, d, d).
         begun: time of the present estimates of the filter [s], see `KalmanFilter.begin_from`; None
             begins each track with its first measurement.
-        keep_covariances: False leaves the covariances out, which take the most memory.
     """
-    tracks = measurements.shape[1]
     moments = np.asarray(times, float)
     if begun is None:
-        track_filter.begin(tracks)
+        track_filter.begin(measurements.shape[1])
     first = moments[:1] if begun is None else np.full_like(moments[:1], begun)
     steps = np.diff(moments, axis=0, prepend=first)
-    kept = keep_covariances and track_filter.covariance is not None
     states = []
     covariances = []
     for k, step in enumerate(steps):
         track_filter.predict(step)
         track_filter.update(measurements[k], None if noises is None else noises[k])
         states.append(track_filter.state.copy())
-        if kept:
-            covariances.append(np.array(track_filter.covariance))
-    return Estimates(np.stack(states), np.stack(covariances) if kept else None, track_filter.order)
+        if track_filter.covariance is not None:
+            covariances.append(track_filter.covariance.copy())
+    spreads = np.stack(covariances) if covariances else None
+    return Estimates(np.stack(states), spreads, track_filter.order)

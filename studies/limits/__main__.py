@@ -34,13 +34,10 @@ class Limits:
     def run(self) -> None:
         """Evaluate the rules, print the tables and write the files."""
         episodes = 10 if self.quick else self.episodes
-        if self.bound:
-            parts = {"bound": study.bound_calls(episodes, self.quick)}
-        else:
-            parts = study.calls(self.unknown, episodes, self.quick)
+        parts = study.calls(self.unknown and not self.bound, episodes, self.quick)
         rows = {}
-        for part, calls in parts.items():
-            results = in_parallel(calls, self.jobs, part)
+        for part in ("bound",) if self.bound else parts:
+            results = in_parallel(parts[part], self.jobs, part)
             rows[part] = [row for result in results for row in result]
         picture = report.figure(rows["rules"]) if "rules" in rows else None
         save_results(self.out / "limits", report.markdown(rows), rows, picture)

@@ -49,11 +49,6 @@ CALIBRATION_BANKS: dict[str, dict[str, Any]] = {
 Row = dict[str, Any]
 
 
-def noise_levels(quick: bool) -> tuple[float, ...]:
-    """Return the levels R [m^2] that are evaluated."""
-    return (0.1,) if quick else (0.01, 0.1, 1.0)
-
-
 def calls(unknown: bool, episodes: int, quick: bool) -> dict[str, list[Any]]:
     """Return the `joblib.delayed` calls of the study by its parts; every call returns a list of
     rows.
@@ -67,7 +62,8 @@ def calls(unknown: bool, episodes: int, quick: bool) -> dict[str, list[Any]]:
         episodes: number of episodes.
         quick: whether only one noise level is evaluated, with three hypotheses or one law.
     """
-    noises = noise_levels(quick)
+    # R [m^2]
+    noises = (0.1,) if quick else (0.01, 0.1, 1.0)
     if unknown:
         laws = ("uniform 50-100",) if quick else ("25 + geometric 50", "uniform 50-100")
         return {
@@ -76,7 +72,10 @@ def calls(unknown: bool, episodes: int, quick: bool) -> dict[str, list[Any]]:
     rules = {THREE: ("ate", "msprt"), BANK: ("ate", "msprt-type", "msprt")}
     places = list(product([THREE] if quick else rules, noises))
     return {
-        "bound": bound_calls(episodes, quick),
+        "bound": [
+            delayed(bound_rows)(*place, episodes)
+            for place in product(BOUNDED[: 1 if quick else None], noises, GRIDS)
+        ],
         "steps": [delayed(announced_steps)(*place, episodes) for place in places],
         "rules": [
             delayed(rule_on_bank)(*place, bank, rule, episodes)
@@ -88,12 +87,6 @@ def calls(unknown: bool, episodes: int, quick: bool) -> dict[str, list[Any]]:
             for bank, noise in product(CALIBRATION_BANKS, noises)
         ],
     }
-
-
-def bound_calls(episodes: int, quick: bool) -> list[Any]:
-    """Return the calls of the part "bound", as `calls`."""
-    places = product(BOUNDED[: 1 if quick else None], noise_levels(quick), GRIDS)
-    return [delayed(bound_rows)(*place, episodes) for place in places]
 
 
 def best_threshold(task: Task, decider: Any, episodes: int) -> int:

@@ -1,7 +1,6 @@
 """Rules and the shipped agent beside the exact posterior, on the same tracks."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 from itertools import product
 from typing import Any, NamedTuple
@@ -16,8 +15,7 @@ from baselines import Estimate, Scores, Statistic, ThresholdDecider, record_in, 
 from hybrid_env import HybridTrackQuickestVectorEnv, QuickestOptions
 from studies.arrays import FloatArray, IntArray
 from studies.optimum.enumeration import history_posteriors, path_posteriors
-from studies.pictures import draw_estimates
-from studies.results import in_parallel, markdown_table, with_half
+from studies.results import draw_estimates, in_parallel, markdown_table, with_half
 
 # Thresholds are selected on tracks from this seed on; reported ones have smaller seeds.
 SELECTION = 1_000_000_000
@@ -30,26 +28,16 @@ EXACT, BOUND, AGENT = "exact posterior", "upper bound", "shipped"
 RULES = {"IMM": "threshold", "beam": "beam"}
 
 
-@dataclass(frozen=True)
-class World:
-    """Tracks of which the exact posterior can be computed."""
-
-    title: str
-    options: dict[str, Any]
-
-
-WORLDS = {
-    "paths": World(
-        "12 ticks without process noise",
-        {
-            "ticks": 12,
-            "tau": 0.5,
-            "durations": "geometric 6",
-            "start": "random",
-            "process_variance": 0.0,
-        },
-    ),
-    "default": World("the first 65 ticks of the environment", {"ticks": 65}),
+# Tracks of which the exact posterior can be computed.
+WORLDS: dict[str, dict[str, Any]] = {
+    "12 ticks without process noise": {
+        "ticks": 12,
+        "tau": 0.5,
+        "durations": "geometric 6",
+        "start": "random",
+        "process_variance": 0.0,
+    },
+    "the first 65 ticks of the environment": {"ticks": 65},
 }
 # A row of a table, as in JSON: world, noise level R [m^2], figure, decider, and values.
 Row = dict[str, Any]
@@ -210,7 +198,7 @@ def evaluate(world: str, noise: float, tracks: int) -> list[Row]:
 
     Every threshold is the one with the largest mean reward on a third as many other tracks.
     """
-    given = KNOWN_START | WORLDS[world].options | {"measurement_variance": noise}
+    given = KNOWN_START | WORLDS[world] | {"measurement_variance": noise}
     options = task_of(QUICKEST, given).options
     _, chosen = all_scores(options, max(tracks // 3, 20), SELECTION)
     recorded, scores = all_scores(options, tracks, 0)
@@ -247,7 +235,7 @@ def evaluate_all(quick: bool, jobs: int) -> list[Row]:
     """Return the rows of all worlds and noise levels, or of few tracks of the first one at one
     level.
     """
-    places = [("paths", 0.1)] if quick else product(WORLDS, (0.01, 0.1, 1.0))
+    places = [(next(iter(WORLDS)), 0.1)] if quick else product(WORLDS, (0.01, 0.1, 1.0))
     calls = [delayed(evaluate)(*place, 20 if quick else 150) for place in places]
     return [row for rows in in_parallel(calls, jobs, "worlds") for row in rows]
 
@@ -261,7 +249,7 @@ def markdown(rows: Sequence[Row]) -> str:
         lines = []
         for names, of_decider in here.groupby(["figure", "decider"], sort=False):
             lines.append([*names, *(cell(row) for row in of_decider.to_dict("records"))])
-        text += [f"### {WORLDS[world].title}\n", markdown_table(head, lines)]
+        text += [f"### {world}\n", markdown_table(head, lines)]
     return "\n".join(text)
 
 
@@ -295,7 +283,7 @@ def figure(rows: Sequence[Row]) -> Figure:
                 capsize=3.0,
                 label=name,
             )
-        axes.set(title=WORLDS[world].title, xlabel="measurement variance R [m²]")
+        axes.set(title=world, xlabel="measurement variance R [m²]")
         axes.set_xticks(range(len(noises)), [f"{noise:g}" for noise in noises])
     every[0].set_ylabel("share of right ticks, less the optimum")
     handles, labels = every[-1].get_legend_handles_labels()

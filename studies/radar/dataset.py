@@ -13,7 +13,7 @@ from hybrid_env import ArgumentError
 from studies.arrays import FloatArray
 from studies.radar import radars
 from studies.radar.flights import FLIGHTS, RECORD_STEP, Flight, point_mass_flights
-from studies.radar.radars import NOISES, Noise, Tracks, measure, padded_tracks, scan_flights
+from studies.radar.radars import NOISE_NAMES, Noise, Tracks, draw_noise, scan_flight
 
 CARD = """# Radar tracks of flights
 
@@ -57,25 +57,19 @@ class RadarData:
 
 def write_radar_data(folder: Path, seed: int = 0, flights: int = FLIGHTS) -> None:
     """Write the data set of at least 4 flights into an existing folder."""
-    flown = point_mass_flights(flights, seed)
-    scans, training = scan_flights(flown, seed)
-    seen: list[dict[str, Any]] = []
-    for split, part, stream in (
-        ("training", scans[:training], (seed, 2)),
-        ("test", scans[training:], (seed, 3, 0)),
-    ):
-        measured = {noise: measure(part, noise, stream).measurements for noise in NOISES}
-        for k, scan in enumerate(part):
-            columns = {"split": split, "radar": scan.radar, "time": scan.times}
-            for noise, tracks in measured.items():
-                columns |= _axes(f"{noise}_", tracks[: len(scan.times), k])
-            seen.append(columns)
-    states = [
-        {"time": flight.times, **_axes("", flight.positions), **_axes("v", flight.velocities)}
-        for flight in flown
-    ]
-    places = [{"radar": np.arange(2), **_axes("", scan.radars)} for scan in scans]
-    tables = {"flights": states, "radars": places, "measurements": seen}
+    training = round(0.3 * flights)
+    tables: dict[str, list[dict[str, Any]]] = {"flights": [], "radars": [], "measurements": []}
+    for k, flight in enumerate(point_mass_flights(flights, seed)):
+        states = {**_axes("", flight.positions), **_axes("v", flight.velocities)}
+        tables["flights"].append({"time": flight.times, **states})
+        places, times, numbers = scan_flight(flight, np.random.default_rng((seed, 1, k)))
+        tables["radars"].append({"radar": np.arange(2), **_axes("", places)})
+        split, stream = ("training", (2, k)) if k < training else ("test", (3, 0, k - training))
+        measured: dict[str, Any] = {"split": split, "radar": numbers, "time": times}
+        for noise in NOISE_NAMES:
+            errors = draw_noise(noise, len(times), np.random.default_rng((seed, *stream)))
+            measured |= _axes(f"{noise}_", flight.states_at(times)[0] + errors)
+        tables["measurements"].append(measured)
     for name, parts in tables.items():
         numbered = (pd.DataFrame({"flight": k} | part) for k, part in enumerate(parts))
         table = pd.concat(numbered, ignore_index=True)
@@ -106,18 +100,22 @@ def load_radar_data(folder: str | Path) -> RadarData:
     splits = {"training": slice(about["training"]), "test": slice(about["training"], None)}
 
     def tracks(split: slice, noise: Noise) -> Tracks:
-        return padded_tracks(
-            [
-                (times, _joined(part, f"{noise}_"), *flight.states_at(times))
-                for flight, part in zip(flown[split], parts[split], strict=True)
-                for times in [part["time"].to_numpy()]
-            ]
-        )
+        longest = max(map(len, parts[split]))
+        clocks = []
+        arrays = np.full((3, longest, len(parts[split]), 3), np.nan)
+        for k, (flight, part) in enumerate(zip(flown[split], parts[split], strict=True)):
+            times = part["time"].to_numpy()
+            arrays[:, : len(times), k] = _joined(part, f"{noise}_"), *flight.states_at(times)
+            clocks.append(np.pad(times, (0, longest - len(times)), mode="edge"))
+        return Tracks(np.stack(clocks, axis=1), *arrays)
 
     return RadarData(
         about["seed"],
         {name: flown[split] for name, split in splits.items()},
-        {name: {noise: tracks(split, noise) for noise in NOISES} for name, split in splits.items()},
+        {
+            name: {noise: tracks(split, noise) for noise in NOISE_NAMES}
+            for name, split in splits.items()
+        },
     )
 
 

@@ -64,8 +64,7 @@ def filter_tracks(contender: Contender, parameters: Parameters, tracks: Tracks) 
     measurements = tracks.measurements
     if "window" in parameters:
         measurements = moving_average(measurements, parameters["window"], parameters["ratio"])
-    built = contender.build(parameters)
-    return run_filter(built, measurements, tracks.times, keep_covariances=False)
+    return run_filter(contender.build(parameters), measurements, tracks.times)
 
 
 class ThesisKalmanFilter(KalmanFilter):

@@ -1,6 +1,7 @@
 """Filters on the radar data set: errors on the test flights."""
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from baselines import Scores, Statistic
 from studies.radar.dataset import RadarData
 from studies.radar.filters import COMBINED, CONTENDERS, ROBUST, filter_tracks
 from studies.radar.radars import NOISE_NAMES, Noise, flight_errors
-from studies.radar.tuning import tune_filters
+from studies.radar.tuning import tune
 from studies.results import in_parallel, markdown_table, with_half
 
 # RMSE of flights: position [m] and velocity [m/s] as means over the axes, position by eq. (1.25) of
@@ -30,18 +31,29 @@ def score_radar_data(data: RadarData, folder: Path, trials: int, jobs: int) -> B
     """Return the scores of all filters by noise, those of the thesis first, tuned on the training
     flights.
 
-    A killed run goes on from the trials in the folder; see `tune_filters` for the arguments.
+    A killed run goes on from the trials in the folder; see `tune` for the number of trials.
     """
     names = [name for name in CONTENDERS if name not in (ROBUST, COMBINED)]
-    tuned = tune_filters(names, data.tracks["training"], data.seed, folder, trials, jobs, ROBUST)
+    tuned = partial(
+        joblib.delayed(tune),
+        training=data.tracks["training"],
+        trials=trials,
+        seed=data.seed,
+        folder=folder,
+    )
+    calls = [tuned(name, noise) for noise in NOISE_NAMES for name in names]
+    results = iter(in_parallel(calls, jobs, "tuning"))
+    by_noise = {noise: {name: next(results) for name in names} for noise in NOISE_NAMES}
+    # For both noises, after the plain CV filter, with which it is compared.
+    robustly = tuned(ROBUST, None, plain=by_noise["gaussian"]["CV"])
+    [student] = in_parallel([robustly], jobs, "tuning of the robust filter")
     # With the parameters that the IMM and the robust update have alone.
-    student = tuned["gaussian"][ROBUST]
-    combined = tuned["gaussian"]["IMM (CV, CA)"] | {
+    combined = by_noise["gaussian"]["IMM (CV, CA)"] | {
         key: student[key] for key in ("degrees of freedom", "scale")
     }
     scores: dict[Noise, list[Scores]] = {}
-    for noise, parameters in tuned.items():
-        filters = parameters | {COMBINED: combined}
+    for noise, parameters in by_noise.items():
+        filters = parameters | {ROBUST: student, COMBINED: combined}
         calls = [joblib.delayed(score_filter)(*each, data, noise) for each in filters.items()]
         scores[noise] = in_parallel(calls, jobs, NOISE_NAMES[noise])
     return scores
@@ -60,17 +72,20 @@ def score_filter(
     return Scores(name, "", (0.0,), COLUMNS, values[..., None])
 
 
-def radar_tables(by_noise: ByNoise) -> str:
-    """Return a table for each noise, in Markdown: RMSE and half width of its 95 % interval, noise
-    reduction ratio, and the interval of the ratio of the position RMSE to that of the reference on
-    the same flights.
+def radar_tables(by_noise: ByNoise) -> tuple[str, dict[str, Any]]:
+    """Return a table for each noise, in Markdown, and the estimates by noise, filter and statistic:
+    RMSE and half width of its 95 % interval, noise reduction ratio, and the interval of the ratio
+    of the position RMSE to that of the reference on the same flights.
     """
     text = ""
+    content: dict[str, Any] = {}
     for noise, scores in by_noise.items():
         reference = next(of_filter for of_filter in scores if of_filter.name == REFERENCE)
+        content[noise] = {}
         rows = []
         for of_filter in scores:
             estimates = {name: of_filter.estimate(value) for name, value in STATISTICS.items()}
+            content[noise][of_filter.name] = estimates
             ratio = of_filter.ratio(reference, STATISTICS["position"])
             compared = f"{ratio.low:.2f} to {ratio.high:.2f}"
             rows.append(
@@ -92,17 +107,4 @@ def radar_tables(by_noise: ByNoise) -> str:
             "velocity: mean over the axes, m/s",
         )
         text += markdown_table(heads, rows) + "\n"
-    return text
-
-
-def radar_json(by_noise: ByNoise) -> dict[str, Any]:
-    """Return the estimates by noise, filter and column."""
-    return {
-        noise: {
-            of_filter.name: {
-                name: of_filter.estimate(statistic) for name, statistic in STATISTICS.items()
-            }
-            for of_filter in scores
-        }
-        for noise, scores in by_noise.items()
-    }
+    return text, content

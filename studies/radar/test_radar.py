@@ -10,13 +10,12 @@ from agents import run_command
 from studies.filters.kalman import KalmanFilter
 from studies.filters.motion_models import MotionModel
 from studies.filters.run_filter import run_filter
-from studies.radar import flights as model
 from studies.radar import radars, tuning
 from studies.radar.__main__ import Radar
 from studies.radar.alternatives import GHFilter
 from studies.radar.dataset import load_radar_data, write_radar_data
 from studies.radar.filters import moving_average
-from studies.radar.radars import draw_noise, flight_errors, measure, scan_flights
+from studies.radar.radars import draw_noise, flight_errors
 
 pytest.importorskip("pyarrow")
 
@@ -67,8 +66,8 @@ def test_moving_average_equals_pandas():
 
 
 def test_a_tuning_that_is_killed_ends_with_the_same_parameters(tmp_path):
-    scans, _ = scan_flights(model.point_mass_flights(4, 0), 0)
-    training = {"gaussian": measure(scans, "gaussian", (0, 2))}
+    write_radar_data(tmp_path, flights=14)
+    training = load_radar_data(tmp_path).tracks["training"]
     whole, _, parts = (
         tuning.tune("KF CV", "gaussian", training, trials, 7, tmp_path / name)
         for trials, name in ((12, "whole"), (5, "parts"), (12, "parts"))

@@ -11,22 +11,15 @@ from baselines import Estimate
 from studies.results import in_brackets, in_parallel, markdown_table
 from studies.shifts.worlds import NOMINAL, draw_worlds, shifted_worlds
 
-# Random worlds are drawn with this seed and those that follow.
-DRAWN_WORLDS = 4_000_000_000
-
 # A row of the table, as in JSON: world, decider, thresholds, and rewards as `Estimate`.
 Row = dict[str, Any]
 
 
-def worlds_of(
-    task: Task, shifted: bool, drawn: int, noises: Sequence[str]
-) -> dict[str, dict[str, Any]]:
+def worlds_of(task: Task, shifted: bool, drawn: int) -> dict[str, dict[str, Any]]:
     """Return name and changed options of the environments, the nominal one first."""
-    worlds: dict[str, dict[str, Any]] = {NOMINAL: {}}
-    if shifted:
-        worlds |= shifted_worlds(task.options)
-    worlds |= {noise: {"noise": noise} for noise in noises}
-    return worlds | (draw_worlds(drawn, DRAWN_WORLDS) if drawn else {})
+    changed = shifted_worlds(task.options) if shifted else {}
+    # Seed of the random ones, and of those that follow.
+    return {NOMINAL: {}} | changed | draw_worlds(drawn, 4_000_000_000)
 
 
 def evaluate(
