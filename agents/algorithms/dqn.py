@@ -42,8 +42,6 @@ class QSettings(LibrarySettings):
     # Factor of the rewards.
     reward_scale: Factor = 1.0
 
-    network = {"net_arch": Annotated[tuple[Units, ...], MaxLen(8)]}  # noqa: RUF012
-
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in ("buffer_size", "target_update_interval"):
@@ -55,3 +53,4 @@ class DQN(LibraryAlgorithm):
 
     name = "dqn"
     Settings = QSettings
+    policy_types = {"net_arch": Annotated[tuple[Units, ...], MaxLen(8)]}  # noqa: RUF012

@@ -105,13 +105,13 @@ def recipe_of(name: str, entry: Mapping[str, Any]) -> Recipe:
         raise reject("recipe", name, "a name, and an entry with hyper-parameters")
     entry = dict(entry)
     algo = entry.pop("algo", None)
-    kind = find_algorithm(algo).Settings
+    kind = find_algorithm(algo)
     steps = check_integer("n_timesteps", entry.pop("n_timesteps", None), maximum=10**12)
-    known = declared_fields(kind)
+    known = declared_fields(kind.Settings)
     for key in entry.keys() - known.keys():
         raise unknown("set", key, known)
     try:
-        settings = kind(**entry)
+        settings = kind.settings_of(entry)
     except TypeError as error:
         raise reject("recipe", name, f"an entry with all hyper-parameters ({error})") from None
     recipe = Recipe(name, algo, steps, settings)

@@ -63,7 +63,7 @@ def test_the_history_contains_every_tick_once_until_the_reset():
     assert len(infos) < sum(lengths) == len(history.trace)
     np.testing.assert_array_equal(history.trace[:, :6], truths)
     np.testing.assert_array_equal(history.switches, np.cumsum([0, *lengths])[:-1])
-    true_modes = [decision.true_mode for decision in history.decisions]
+    true_modes = [decision["decided_true_mode"] for decision in history.decisions]
     np.testing.assert_array_equal(history.true_modes, np.repeat(true_modes, lengths))
     assert history.finished
     env.reset()
