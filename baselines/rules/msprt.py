@@ -55,7 +55,7 @@ ROBUST = PUBLISHED | {"likelihood": "student_t 50"}
 """The same with the robust likelihood."""
 
 
-def clipped(log_ratio: FloatArray) -> BoolArray:
+def at_floor(log_ratio: FloatArray) -> BoolArray:
     """Return which log-likelihood ratios the environment has clipped, at `LOG_FLOOR`."""
     return log_ratio <= LOG_FLOOR + 1e-3
 
@@ -146,7 +146,7 @@ class MSPRTDecider(Decider):
         log_ratio = layout.read(rows, "log_ratio")
         log_error, best = layout.read(rows, "log_error_probability"), log_ratio.argmax(-1)
         if self.by == "type":
-            likelihood = np.where(clipped(log_ratio), 0.0, np.exp(log_ratio))
+            likelihood = np.where(at_floor(log_ratio), 0.0, np.exp(log_ratio))
             posterior = likelihood / likelihood.sum(-1, keepdims=True)
             error, best = error_and_best(posterior, self.types_in(layout))
             log_error = np.log(np.maximum(error, np.exp(LOG_FLOOR)))
