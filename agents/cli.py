@@ -24,8 +24,6 @@ from agents.commands import COMMANDS, EXAMPLES
 from agents.interface.help_texts import ENV_HELP, description, parse_flags
 from hybrid_env.checks import ArgumentError, check_fields, unknown
 
-PROGRAM = "hybridtrack"
-
 
 def one_line(message: str) -> str:
     """A message without line breaks, and without the frame and help hints of tyro's messages."""
@@ -54,7 +52,7 @@ def parse(arguments: Sequence[str]) -> Any:
     name = arguments[0] if arguments else ""
     # The flags of one command are parsed much sooner than those of all.
     if name in COMMANDS:
-        return _parse(command_class(name), f"{PROGRAM} {name}", arguments[1:])
+        return _parse(command_class(name), f"hybridtrack {name}", arguments[1:])
     if name and not name.startswith("-"):
         raise unknown("command", name, COMMANDS)
     words = "Quickest decisions on motion modes with classical rules and learned agents."
@@ -63,7 +61,7 @@ def parse(arguments: Sequence[str]) -> Any:
         kinds[name] = dataclasses.make_dataclass(name, ())
         kinds[name].__doc__ = description(command_docstring(name))
     return tyro.extras.subcommand_cli_from_dict(
-        kinds, prog=PROGRAM, args=arguments, description=words
+        kinds, prog="hybridtrack", args=arguments, description=words
     )
 
 
@@ -97,7 +95,7 @@ def _parse(command: Any, program: str, arguments: Sequence[str]) -> Any:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command of `hybridtrack`; arguments and exit status as of `run_command`."""
-    return _main(parse, PROGRAM, arguments)
+    return _main(parse, "hybridtrack", arguments)
 
 
 def run_command(command: type, program: str, arguments: Sequence[str] | None = None) -> int:

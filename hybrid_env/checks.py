@@ -23,16 +23,16 @@ from typing import Annotated, Any, Self
 
 import numpy as np
 from annotated_types import BaseMetadata, Ge, GroupedMetadata, Gt, Interval
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hybrid_env.core.arrays import AnyArray as AnyArray
+from hybrid_env.core.arrays import BoolArray as BoolArray
+from hybrid_env.core.arrays import Float32Array as Float32Array
+from hybrid_env.core.arrays import FloatArray as FloatArray
+from hybrid_env.core.arrays import IntArray as IntArray
 from hybrid_env.core.errors import ArgumentError as ArgumentError
 from hybrid_env.core.errors import shorten
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
-Float32Array = NDArray[np.float32]
-AnyArray = NDArray[Any]
 # Means and covariances.
 Moments = tuple[FloatArray, FloatArray]
 # Options of `reset`, and what it and `step` tell beside the observation.

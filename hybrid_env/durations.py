@@ -25,9 +25,10 @@ DRAWN = "drawn"
 class DurationLaw(Checked):
     """A law of the durations of all segments. A law of the user is a subclass with both methods."""
 
-    # Texts of a law of `DURATION_LAWS`, as a message shows them.
+    # Texts of a law, as a message shows them.
     examples: ClassVar[tuple[str, ...]]
-    # Pattern of its text, with a group for each field that the text has.
+    # Pattern of its text, with a group for each field that the text has. A law with one is found by
+    # its text.
     form: ClassVar[str]
 
     @property
@@ -120,10 +121,6 @@ class UniformDurations(DurationLaw):
         return f"uniform {self.shortest}-{self.longest}"
 
 
-DURATION_LAWS: tuple[type[DurationLaw], ...] = (GeometricDurations, UniformDurations)
-"""The laws that a text can name."""
-
-
 @dataclass(frozen=True)
 class TwoDurations(DurationLaw):
     """One of two laws, each geometric or uniform, with equal probability, drawn anew for every
@@ -198,9 +195,10 @@ def parse_durations(value: Any, name: str = "durations") -> Durations:
 
 def _parse_simple(text: str, value: Any, name: str) -> DurationLaw:
     """Parse the law of one mode, which is a part of a value."""
+    kinds = [kind for kind in DurationLaw.__subclasses__() if hasattr(kind, "form")]
     laws: list[DurationLaw] = []
     for part in text.split(" or ", 1):
-        for kind in DURATION_LAWS:
+        for kind in kinds:
             if match := re.fullmatch(kind.form, part):
                 numbers = {
                     key: float(number) if "." in number else int(number)
@@ -210,7 +208,7 @@ def _parse_simple(text: str, value: Any, name: str) -> DurationLaw:
                 laws.append(kind(**numbers))
                 break
         else:
-            examples = ", ".join(repr(text) for law in DURATION_LAWS for text in law.examples)
+            examples = ", ".join(repr(text) for kind in kinds for text in kind.examples)
             allowed = "'uniform 30-40 or uniform 80-90', 'straight ..., turns ...', or 'drawn'"
             raise reject(name, value, f"{examples}, {allowed}")
     return TwoDurations(*laws) if len(laws) > 1 else laws[0]

@@ -25,8 +25,8 @@ from hybrid_env.core.noise import GAUSSIAN, LEVY, OUTLIERS, OWN, STUDENT_T, comp
 
 @dataclass(frozen=True)
 class Noise(Checked):
-    """A law of the measurement noise. The fields of a law in `NOISE_LAWS` are the numbers of its
-    text.
+    """A law of the measurement noise. A law with an `example` is found by its text, whose
+    numbers are its fields.
     """
 
     # Its text, which begins with its name.
@@ -121,13 +121,6 @@ class StudentNoise(Noise):
     freedom: Annotated[float, Interval(ge=1.0, le=1e6)]
 
 
-NOISE_LAWS: dict[str, type[Noise]] = {
-    law.example.partition(" ")[0]: law
-    for law in (GaussianNoise, OutlierNoise, LevyNoise, StudentNoise)
-}
-"""The laws that a text can name."""
-
-
 @dataclass(frozen=True)
 class OwnNoise(Noise, ABC):
     """The base of a law of the user: a subclass defines `draw`, which numba compiles.
@@ -177,15 +170,17 @@ def parse_noise(value: Any, name: str = "noise", allowed: str = "") -> Noise:
     message.
     """
     words = value.split() if isinstance(value, str) else []
-    examples = ", ".join(repr(law.example) for law in NOISE_LAWS.values())
+    laws = [law for law in Noise.__subclasses__() if hasattr(law, "example")]
+    named = {law.example.partition(" ")[0]: law for law in laws}
+    examples = ", ".join(repr(law.example) for law in laws)
     allowed = allowed or f"{examples}, or a law of hybrid_env.noises"
     try:
         if isinstance(value, Noise):
             # What is compiled for a law is found by its values.
             hash(value)
             return value
-        if words and words[0] in NOISE_LAWS:
-            return NOISE_LAWS[words[0]](*map(float, words[1:]))
+        if words and words[0] in named:
+            return named[words[0]](*map(float, words[1:]))
     except (TypeError, ValueError) as error:
         raise reject(name, value, f"{allowed} ({error})") from None
     raise reject(name, value, allowed)

@@ -9,7 +9,13 @@ from annotated_types import Interval
 from numpy.typing import ArrayLike
 
 from hybrid_env.checks import FloatArray, IntArray, reject
-from hybrid_env.core.memory import BANKS, SEGMENT_COLUMNS, TICK_NAMES, DenseBank
+from hybrid_env.core.memory import (
+    SEGMENT_COLUMNS,
+    TICK_NAMES,
+    AnchorAwareBank,
+    DenseBank,
+    PublishedBank,
+)
 from hybrid_env.core.observation_row import OBSERVATIONS
 from hybrid_env.limits import QuantityOrZero
 from hybrid_env.model_options import ModelOptions as ModelOptions
@@ -113,7 +119,7 @@ class WorldOptions(ModelOptions):
         if self.modes is not None:
             return DenseBank
         together = self.sensors or isinstance(self.likelihood, StudentNoise)
-        return BANKS["anchor_aware" if together else self.bank]
+        return AnchorAwareBank if together or self.bank == "anchor_aware" else PublishedBank
 
     @property
     def action_count(self) -> int:

@@ -20,7 +20,6 @@ from hybrid_env.core.kernels import RESET, STEP, entry_point
 from hybrid_env.core.memory import (
     DECISION,
     DECISION_FLAGS,
-    HEIGHT_NAMES,
     LANES,
     PARAMETERS,
     Arrays,
@@ -85,7 +84,8 @@ class World:
         self.options = options
         self.live = live
         self.layout = options.layout_class(options.hypotheses, options.climbs)
-        self.tick_names = options.tick_names + HEIGHT_NAMES * options.climbs
+        heights = "true_height", "height", "height_estimate"
+        self.tick_names = options.tick_names + heights * options.climbs
         self.threads = min(threads, -(-tracks // LANES))
         parameters = np.zeros(1, PARAMETERS)
         fields = options.parameters()

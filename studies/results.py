@@ -7,6 +7,7 @@ from typing import Any
 
 import joblib
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich.progress import track
 
@@ -30,6 +31,18 @@ def save_results(path: Path, text: str, content: Any, figure: Figure | None = No
     if figure is not None:
         figure.savefig(path.with_suffix(".png"))
     print(f"Files: {path}.md, .json{', .png' if figure else ''}")
+
+
+def draw_estimates(
+    axes: Axes, places: Any, estimates: Sequence[Estimate], horizontal: bool = False, **style: Any
+) -> None:
+    """Draw estimates with their intervals over places (n,), or beside them."""
+    value, low, high = np.array([[*vars(estimate).values()] for estimate in estimates]).T
+    bars = value - low, high - value
+    if horizontal:
+        axes.errorbar(value, places, xerr=bars, **style)
+    else:
+        axes.errorbar(places, value, yerr=bars, **style)
 
 
 def markdown_table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

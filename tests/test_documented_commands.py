@@ -11,7 +11,7 @@ import pytest
 from agents import commands
 from agents.cli import parse
 from agents.commands.train import Train
-from agents.training.recipe import recipe_names
+from agents.training.recipe import package_recipes
 
 ROOT = Path(__file__).parents[1]
 PAGES = [
@@ -44,4 +44,4 @@ def test_a_command_line_is_accepted(line):
 
     is_new = isinstance(command, Train) and command.resume is None
     if is_new and not command.recipe.startswith("results/"):
-        assert command.recipe in recipe_names() or (ROOT / command.recipe).is_file()
+        assert command.recipe in package_recipes() or (ROOT / command.recipe).is_file()

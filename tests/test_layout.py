@@ -13,7 +13,7 @@ LAYERS = {
     "baselines": ("estimation", "scoring", "rules", "recordings"),
     "agents": (
         *("interface", "figures", "learned", "evaluation", "training", "algorithms"),
-        *("comparison", "recordings", "functions", "commands", "cli"),
+        *("recordings", "commands", "functions", "cli"),
     ),
 }
 SOURCES = [

@@ -5,8 +5,9 @@ from typing import Annotated
 
 from annotated_types import Interval, MaxLen
 
+from agents.learned.torch_defaults import Units
 from agents.training.library import LibraryAlgorithm
-from agents.training.library_settings import Layer, LibrarySettings
+from agents.training.library_settings import LibrarySettings
 from agents.training.settings import Factor
 from hybrid_env.checks import Count, NotNegative, check_integer
 
@@ -41,8 +42,6 @@ class QSettings(LibrarySettings):
     # Factor of the rewards.
     reward_scale: Factor = 1.0
 
-    network = {"net_arch": Annotated[tuple[Layer, ...], MaxLen(8)]}  # noqa: RUF012
-
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in ("buffer_size", "target_update_interval"):
@@ -54,3 +53,4 @@ class DQN(LibraryAlgorithm):
 
     name = "dqn"
     Settings = QSettings
+    policy_types = {"net_arch": Annotated[tuple[Units, ...], MaxLen(8)]}  # noqa: RUF012

@@ -1,34 +1,25 @@
 """RecurrentPPO of sb3-contrib: PPO with an LSTM."""
 
-from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated
 
 from annotated_types import Interval
 from torch import Tensor
 
-from agents.algorithms.ppo import PPOSettings
-from agents.training.library import LibraryAlgorithm
-from agents.training.library_settings import Layer
+from agents.algorithms.ppo import PPO
+from agents.learned.torch_defaults import Units
 
 
-@dataclass(frozen=True, kw_only=True)
-class RecurrentPPOSettings(PPOSettings):
-    """Hyper-parameters of RecurrentPPO."""
-
-    policy: Literal["MlpLstmPolicy"]  # type: ignore[assignment]
-    network = {  # noqa: RUF012
-        **PPOSettings.network,
-        "lstm_hidden_size": Layer,
-        "n_lstm_layers": Annotated[int, Interval(ge=1, le=2)],
-        "enable_critic_lstm": bool,
-    }
-
-
-class RecurrentPPO(LibraryAlgorithm):
+class RecurrentPPO(PPO):
     """A training run of RecurrentPPO."""
 
     name = "recurrent_ppo"
-    Settings = RecurrentPPOSettings
+    policy = "MlpLstmPolicy"
+    policy_types = {  # noqa: RUF012
+        **PPO.policy_types,
+        "lstm_hidden_size": Units,
+        "n_lstm_layers": Annotated[int, Interval(ge=1, le=2)],
+        "enable_critic_lstm": bool,
+    }
 
     def track_tensors(self) -> dict[str, Tensor]:
         """See `Algorithm.track_tensors`; with the states of the LSTM."""

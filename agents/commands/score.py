@@ -15,7 +15,7 @@ from rich.table import Table
 
 from agents.evaluation.cells import counted, estimate_cell, filled_table
 from agents.figures.canvas import legend_beside, new_canvas
-from agents.figures.tracks import NO_MODE_COLOUR, draw_timelines, wrong_patch
+from agents.figures.tracks import draw_timelines, legend_patches
 from agents.interface.help_texts import shown_default
 from agents.interface.output_files import save_figure, write_json
 from agents.interface.progress import print_lines
@@ -233,6 +233,6 @@ def score_figure(result: TimelineScores) -> "Figure":
         Patch(color=colour, label=str(mode))
         for colour, mode in zip(colours, result.modes, strict=True)
     ]
-    handles += [Patch(color=NO_MODE_COLOUR, label="nothing"), wrong_patch("wrong statement")]
+    handles += legend_patches()
     legend_beside(grid[0], handles=handles)
     return canvas

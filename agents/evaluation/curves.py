@@ -11,8 +11,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from agents.evaluation.report import Result
-from agents.evaluation.task import EQUAL_WRONG_CHANGES, Task
-from agents.figures.curves import Axis, Curve, Panel, curve_figure
+from agents.evaluation.task import Task
+from agents.figures.curves import Curve, draw_levels, draw_panel, panel_figure
 from agents.figures.decider_colours import decider_styles
 from baselines.scoring.scores import Statistic, mean
 from baselines.scoring.statements import STATISTICS
@@ -71,9 +71,9 @@ def _selected(drawn: Sequence[Curve]) -> FloatArray:
     return np.concatenate([np.reshape(curve.selected, (-1, 2)) for curve in drawn]).T
 
 
-def _announced_panels(task: Any, groups: Groups, bound: float | None) -> list[Panel]:
-    """Return mean reward and accuracy against mean decision time; the best rule and the bound on
-    the reward are dashed lines.
+def _draw_announced(task: Any, groups: Groups, panels: Sequence[Any], bound: float | None) -> None:
+    """Draw mean reward and accuracy against mean decision time; the best rule and the bound on the
+    reward are dashed lines.
 
     Shown is where deciders earn most. The accuracy axis is logarithmic in the error rate, so that
     98 % and 99 % are distinguishable. No error among n segments is drawn as half an error.
@@ -94,13 +94,6 @@ def _announced_panels(task: Any, groups: Groups, bound: float | None) -> list[Pa
     points: Any = [(a.x, a.y, b.y) for a, b in zip(rewards, errors, strict=True)]
     x, y, share = np.hstack(points)
     times, wrong = x[y >= lowest], share[y >= lowest]
-    ticks = Axis("mean decision time, ticks", (times.min() - 1.0, times.max() + 1.0))
-    error = Axis(
-        "accuracy, % of segments",
-        (min(1.2 * wrong.max(), 0.9), 0.7 * wrong.min()),
-        {share: f"{100 * (1 - share):g}" for share in shares},
-        log=True,
-    )
     rules = [entry for group in groups.values() for entry in group if not entry.learned]
     levels = {}
     if rules:
@@ -109,61 +102,79 @@ def _announced_panels(task: Any, groups: Groups, bound: float | None) -> list[Pa
         levels[level] = f"{rule.name} {level:.3f}"
     if bound is not None:
         levels[bound] = f"bound {bound:.3f}"
-    reward = Axis("mean reward per segment", (lowest, top + margin), levels=levels)
-    cost = f"Mean reward per segment, delay cost {task.options.delay_cost:g} per tick"
     below = [f"{name} {reward:.3f}" for name, reward in earned.items() if name not in near]
-    note = "\n".join(["not shown:", *below]) if below else ""
-    return [Panel(cost, ticks, reward, rewards, note), Panel("Accuracy", ticks, error, errors)]
+    ticks: dict[str, Any] = {
+        "xlabel": "mean decision time, ticks",
+        "xlim": (times.min() - 1.0, times.max() + 1.0),
+    }
+    draw_levels(panels[0], levels)
+    draw_panel(
+        panels[0],
+        rewards,
+        "\n".join(["not shown:", *below]) if below else "",
+        title=f"Mean reward per segment, delay cost {task.options.delay_cost:g} per tick",
+        ylabel="mean reward per segment",
+        ylim=(lowest, top + margin),
+        **ticks,
+    )
+    draw_panel(
+        panels[1],
+        errors,
+        title="Accuracy",
+        ylabel="accuracy, % of segments",
+        yscale="log",
+        yticks=shares,
+        yticklabels=[f"{100 * (1 - share):g}" for share in shares],
+        ylim=(min(1.2 * wrong.max(), 0.9), 0.7 * wrong.min()),
+        **ticks,
+    )
 
 
-def _unknown_panels(task: Any, groups: Groups) -> list[Panel]:
-    """Return mean delay and mean reward against wrong changes per 1,000 ticks.
+def _draw_unknown(task: Any, groups: Groups, panels: Sequence[Any]) -> None:
+    """Draw mean delay and mean reward against wrong changes per 1,000 ticks.
 
     Switches that are not detected count in the delay: a strict threshold, which detects only
     the easiest ones, would else seem quick. A dashed line marks the rate at which delays are
     compared.
     """
     reward = f"Mean reward, a wrong change costs {task.options.change_cost:g} ticks"
-    parts = []
-    for title, label, name in (
+    parts = (
         ("Delay against wrong changes", "mean delay of a switch, ticks", "full_delay"),
         (reward, "mean reward of a tick", "reward"),
-    ):
+    )
+    for axes, (title, label, name) in zip(panels, parts, strict=True):
         drawn = curves(task, groups, mean("wrong_changes"), STATISTICS[name], least_x=0.0)
-        rates = [EQUAL_WRONG_CHANGES, *(_selected(drawn)[0] if drawn else [])]
+        rates = [task.equal_wrong_changes, *(_selected(drawn)[0] if drawn else [])]
         low, high = min(rates) / 3.0, max(rates) * 3.0
         places = [digit * power for power in (0.01, 0.1, 1.0, 10.0, 100.0) for digit in (1, 2, 5)]
-        axis = Axis(
-            "wrong changes per 1,000 ticks",
-            (low, high),
-            {rate: f"{rate:g}" for rate in places if low <= rate <= high},
-            log=True,
-            levels={EQUAL_WRONG_CHANGES: ""},
-        )
+        ticks = [rate for rate in places if low <= rate <= high]
+        axes.axvline(task.equal_wrong_changes, color="0.6", linewidth=0.8, linestyle="--", zorder=0)
         shown = [
             y
             for curve in drawn
             for x, y in zip(np.asarray(curve.x), np.asarray(curve.y), strict=True)
             if min(rates) / 1.7 <= x <= high
         ]
-        limits = None
+        limits: dict[str, Any] = {}
         if shown:
             margin = 0.06 * (max(shown) - min(shown))
-            limits = min(shown) - margin, max(shown) + margin
-        parts.append(Panel(title, axis, Axis(label, limits), drawn))
-    return parts
-
-
-def panels(task: Task, groups: Groups, bound: float | None = None) -> list[Panel]:
-    """Return the operating curves of deciders, the reference first. bound: on the mean reward."""
-    if task.waits:
-        return _announced_panels(task, groups, bound)
-    return _unknown_panels(task, groups)
+            limits["ylim"] = min(shown) - margin, max(shown) + margin
+        draw_panel(
+            axes,
+            drawn,
+            title=title,
+            xlabel="wrong changes per 1,000 ticks",
+            ylabel=label,
+            xscale="log",
+            xticks=ticks,
+            xticklabels=[f"{rate:g}" for rate in ticks],
+            xlim=(low, high),
+            **limits,
+        )
 
 
 def comparison_figure(task: Task, groups: Groups, bound: float | None = None) -> Figure:
-    """Return the figure of a comparison, see `panels`."""
-    parts = panels(task, groups, bound)
+    """Return the operating curves of deciders, the reference first. bound: on the mean reward."""
     options = task.options
     variances = " and ".join(f"{variance:g}" for variance in options.variances)
     title = f"{task.title}: {options.hypotheses} hypotheses, R = {variances} m²"
@@ -171,4 +182,9 @@ def comparison_figure(task: Task, groups: Groups, bound: float | None = None) ->
     if not task.waits:
         title += f", segments of {options.law} ticks"
         note += " A switch that is not detected counts until the end of its segment."
-    return curve_figure(parts, 7.6, title, note)
+    canvas, panels = panel_figure(2, 7.6, title, note)
+    if task.waits:
+        _draw_announced(task, groups, panels, bound)
+    else:
+        _draw_unknown(task, groups, panels)
+    return canvas

@@ -80,7 +80,7 @@ def episode_table(task: Task, title: str, history: History) -> Table:
     bounds = [*history.switches.tolist(), len(history.stated)]
     rows = []
     for number, (first, end) in enumerate(pairwise(bounds)):
-        mode = history.decisions[number].mode if announced else history.stated[end - 1]
+        mode = history.decisions[number]["decided_mode"] if announced else history.stated[end - 1]
         modes = (
             mode_name(int(each), task.options.all_modes)
             for each in (history.true_modes[first], mode)
@@ -112,7 +112,7 @@ def page_data(task: Task, history: History, rewards: FloatArray) -> dict[str, An
     if task.waits:
         decided = modes != NO_MODE
         # A declaration is shown at its tick.
-        modes[marks] = [decision.mode for decision in history.decisions]
+        modes[marks] = [decision["decided_mode"] for decision in history.decisions]
         evidence = softmax(evidence, axis=0)
     segments = np.split(decided, history.switches[1:])
     delays = [np.cumsum(~np.logical_or.accumulate(segment)) for segment in segments]
@@ -132,8 +132,8 @@ def page_data(task: Task, history: History, rewards: FloatArray) -> dict[str, An
 def _declared(history: History) -> dict[str, Any]:
     """Return the declarations: statements from their tick to the end of the segment."""
     lengths, ticks, correct = (
-        np.array([getattr(decision, key) for decision in history.decisions])
-        for key in ("length", "ticks", "correct")
+        np.array([decision[key] for decision in history.decisions])
+        for key in ("decided_length", "ticks", "correct")
     )
     switches = np.cumsum(lengths) - lengths
     since = np.arange(len(history.stated)) - np.repeat(switches, lengths)

@@ -13,9 +13,9 @@ from agents.interface.help_texts import shown_default
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, Decider, rules
 from baselines.rules.external import (
     checked_options,
-    entry_point_names,
     external_decider,
     find_external,
+    installed_deciders,
     names_code,
 )
 from baselines.rules.msprt import declare_types
@@ -146,7 +146,7 @@ def check_name(name: Any, switches: str, further: Sequence[str] = ()) -> None:
     base = parse_name(name).base
     if not isinstance(base, str):
         return
-    known = (*rules(switches), *shipped_names(switches), *entry_point_names(), *further)
+    known = (*rules(switches), *shipped_names(switches), *installed_deciders(), *further)
     if base in known or Path(base).is_dir():
         return
     if base.endswith(".zip"):

@@ -13,18 +13,15 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from baselines.rules import seeds
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, Decider, rules
 from baselines.rules.rollout import batch_size, record_decisions, record_in, statement_env
 from baselines.scoring import decisions, statements
 from baselines.scoring.estimates import Estimate
-from baselines.scoring.scores import Scores, Statistic, at_level, interpolated, mean
+from baselines.scoring.scores import Scores, Statistic, at_level, interpolated, mean, quotient
 from hybrid_env.checks import AnyArray, FloatArray, check_integer
 from hybrid_env.options import ModelOptions
 from hybrid_env.registration import environment_options, make_track_vector_env
 
-# Called with the finished share.
-OnProgress = Callable[[float], None]
 # (E, F) values of E episodes at one threshold, see `Task.columns`, and by name values of which
 # quantiles or counts are taken.
 Recorded = tuple[FloatArray, Mapping[str, AnyArray]]
@@ -145,9 +142,11 @@ class Task(ABC):
 
     @abstractmethod
     def record(
-        self, decider: Decider, episodes: int, seed: int, on_progress: OnProgress
+        self, decider: Decider, episodes: int, seed: int, on_progress: Callable[[float], None]
     ) -> list[Recorded]:
-        """Roll a decider out on at most `batch` episodes, at one threshold or at several ones."""
+        """Roll a decider out on at most `batch` episodes, at one threshold or at several ones.
+        on_progress: called with the finished share.
+        """
 
     @abstractmethod
     def error_rates(self, scores: Scores) -> FloatArray:
@@ -192,7 +191,12 @@ class AnnouncedTask(Task):
         Metric("ticks", "mean\nticks", mean("ticks"), 1),
         Metric("reward", "mean\nreward", mean("reward"), 3),
         Metric("forced", "undecided\n%", mean("forced", share=True), 1, 100.0),
-        Metric("rmse", "RMSE\nm", decisions.RMSE, 3),
+        Metric(
+            "rmse",
+            "RMSE\nm",
+            Statistic(("squared_error", "length"), lambda sum_, n: np.sqrt(quotient(sum_, n))),
+            3,
+        ),
     )
     delay = "ticks"
     rate_unit = "%"
@@ -202,7 +206,7 @@ class AnnouncedTask(Task):
     unit = "segment"
     largest = 10_000_000
     episodes = 1500
-    selection_episodes = seeds.SELECTION_EPISODES
+    selection_episodes = 1000
 
     @property
     def deciders(self) -> tuple[str, ...]:
@@ -216,7 +220,7 @@ class AnnouncedTask(Task):
         return batch_size(self.options)
 
     def record(
-        self, decider: Decider, episodes: int, seed: int, on_progress: OnProgress
+        self, decider: Decider, episodes: int, seed: int, on_progress: Callable[[float], None]
     ) -> list[Recorded]:
         options = {**self.given, **decider.options}
         made = record_decisions(decider, self.env_id, episodes, seed, on_progress, **options)
@@ -246,10 +250,6 @@ class AnnouncedTask(Task):
             Metric("ticks_at_95", "ticks at\n95%", at_level("accuracy", 0.95, mean("ticks")), 1),
             Metric("ticks_at_98", "ticks at\n98%", at_level("accuracy", 0.98, mean("ticks")), 1),
         )
-
-
-# Wrong changes per 1,000 ticks at which delays are compared.
-EQUAL_WRONG_CHANGES = 2.0
 
 
 class UnknownTask(Task):
@@ -285,6 +285,8 @@ class UnknownTask(Task):
     )
     delay = "full_delay"
     rate_unit = "/1000"
+    # Wrong changes per 1,000 ticks at which delays are compared.
+    equal_wrong_changes = 2.0
     choosing_episodes = 60
     reference = "threshold"
     unit = "tick"
@@ -302,7 +304,7 @@ class UnknownTask(Task):
         return max(1, 3_000_000 // (self.options.ticks * self.options.hypotheses))
 
     def record(
-        self, decider: Decider, episodes: int, seed: int, on_progress: OnProgress
+        self, decider: Decider, episodes: int, seed: int, on_progress: Callable[[float], None]
     ) -> list[Recorded]:
         options: Any = self.options_with(decider.options)
         make = functools.partial(statement_env, options, episodes)
@@ -337,7 +339,7 @@ class UnknownTask(Task):
 
         def at_equal_rate(name: str) -> Statistic:
             statistic = statements.STATISTICS[name]
-            return at_level("wrong_changes", EQUAL_WRONG_CHANGES, statistic, falling=True)
+            return at_level("wrong_changes", self.equal_wrong_changes, statistic, falling=True)
 
         return tuple(
             Metric(f"{name}_at_equal_wrong_changes", head, at_equal_rate(name), 1, scale)
@@ -367,7 +369,7 @@ def sweep(
     decider: Decider,
     episodes: int,
     seed: int,
-    on_progress: OnProgress = lambda share: None,
+    on_progress: Callable[[float], None] = lambda share: None,
     thresholds: Sequence[float] | None = None,
 ) -> Scores:
     """Return the scores of a decider at each threshold, or at those given, on the same episodes.

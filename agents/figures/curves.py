@@ -3,7 +3,7 @@
 import re
 import textwrap
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -37,49 +37,53 @@ class Curve:
     dashes: str = "-"
 
 
-@dataclass(frozen=True)
-class Axis:
-    """One axis of a panel."""
-
-    label: str = ""
-    # First and last value; None fits the data.
-    limits: tuple[float, float] | None = None
-    # Their labels by value; None chooses them.
-    ticks: Mapping[float, str] | None = None
-    # Whether the scale is logarithmic.
-    log: bool = False
-    # Names of values that are marked by dashed lines; "" for none.
-    levels: Mapping[float, str] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Panel:
-    """One panel."""
-
-    # Above it.
-    title: str
-    x: Axis
-    y: Axis
-    # In drawing order.
-    curves: Sequence[Curve]
-    # Text at the upper end.
-    note: str = ""
-
-
-def curve_figure(panels: Sequence[Panel], height: float, title: str = "", note: str = "") -> Figure:
-    """Draw panels with one axis of x, below each other, height in inches; `title` and `note` stand
-    above and below all panels.
+def panel_figure(
+    count: int, height: float, title: str = "", note: str = ""
+) -> tuple[Figure, list[Any]]:
+    """Return a figure, height in inches, and the axes of its panels with one axis of x, below each
+    other; `title` and `note` stand above and below all panels.
     """
     canvas = new_canvas(height)
-    grid = canvas.subplots(len(panels), squeeze=False, sharex=True)
-    for axes, panel in zip(grid.flat, panels, strict=True):
-        _draw_panel(axes, panel)
-        axes.set_title(panel.title, fontsize=10)
-        axes.label_outer()
-        _label_curves(axes)
+    grid = canvas.subplots(count, squeeze=False, sharex=True)
     canvas.suptitle(textwrap.fill(title, 60), fontsize=11)
     canvas.supxlabel(textwrap.fill(note, 66), fontsize=10, color="0.3")
-    return canvas
+    return canvas, [*grid.flat]
+
+
+def draw_panel(axes: Any, curves: Sequence[Curve], note: str = "", **settings: Any) -> None:
+    """Draw curves, in their order, with their names at their ends, and a note at the upper end;
+    `settings` are those of `axes.set`, in this order.
+    """
+    for curve in curves:
+        _draw_curve(axes, curve)
+    plain_axes(axes)
+    axes.set(**settings)
+    axes.title.set_fontsize(10)
+    for name in "xy":
+        # Their labels are given.
+        if f"{name}ticks" in settings:
+            getattr(axes, f"{name}axis").set_minor_formatter(NullFormatter())
+    axes.text(0.01, 0.98, note, transform=axes.transAxes, va="top", color="0.3")
+    axes.label_outer()
+    _label_curves(axes)
+
+
+def draw_levels(axes: Any, levels: Mapping[float, str]) -> None:
+    """Mark values of y by dashed lines with their names."""
+    for level, words in levels.items():
+        axes.axhline(level, color="0.6", linewidth=0.8, linestyle="--", zorder=0)
+        # The highest above its line, others below theirs.
+        above = level == max(levels)
+        axes.annotate(
+            words,
+            (0.99, level),
+            (0, 2 if above else -2),
+            xycoords=axes.get_yaxis_transform(),
+            textcoords="offset points",
+            ha="right",
+            va="bottom" if above else "top",
+            color="0.3",
+        )
 
 
 def _label_curves(axes: Any) -> None:
@@ -110,38 +114,6 @@ def _label_curves(axes: Any) -> None:
             arrowprops={"arrowstyle": "-", "color": colour, "linewidth": 0.7},
         )
         height += 0.08
-
-
-def _draw_panel(axes: Any, panel: Panel) -> None:
-    for curve in panel.curves:
-        _draw_curve(axes, curve)
-    plain_axes(axes, panel.x.label, panel.y.label)
-    for name, axis in (("x", panel.x), ("y", panel.y)):
-        if axis.log:
-            axes.set(**{f"{name}scale": "log"})
-        if axis.ticks is not None:
-            of_axes = getattr(axes, f"{name}axis")
-            of_axes.set_ticks(list(axis.ticks), labels=list(axis.ticks.values()))
-            of_axes.set_minor_formatter(NullFormatter())
-        if axis.limits is not None:
-            axes.set(**{f"{name}lim": axis.limits})
-        draw_level = axes.axvline if name == "x" else axes.axhline
-        for level, words in axis.levels.items():
-            draw_level(level, color="0.6", linewidth=0.8, linestyle="--", zorder=0)
-            if words:
-                # The highest above its line, others below theirs.
-                above = level == max(axis.levels)
-                axes.annotate(
-                    words,
-                    (0.99, level),
-                    (0, 2 if above else -2),
-                    xycoords=axes.get_yaxis_transform(),
-                    textcoords="offset points",
-                    ha="right",
-                    va="bottom" if above else "top",
-                    color="0.3",
-                )
-    axes.text(0.01, 0.98, panel.note, transform=axes.transAxes, va="top", color="0.3")
 
 
 def _draw_curve(axes: Any, curve: Curve) -> None:

@@ -8,12 +8,6 @@ import re
 import zlib
 from collections.abc import Iterable
 
-STYLES = tuple(
-    (colour, marker)
-    for marker in "os^DXv>p*8"
-    for colour in ("#000000", "#6900ff", "#d2b400", "#a0a0a0", "#c80f82", "#00e196", "#0000b4")
-)
-
 
 def decider_styles(names: Iterable[str]) -> dict[str, tuple[str, str]]:
     """Styles of the deciders of one figure, "#rrggbb" and a marker of Matplotlib, by their names in
@@ -23,14 +17,16 @@ def decider_styles(names: Iterable[str]) -> dict[str, tuple[str, str]]:
     Training seeds of one recipe share a style, and so do default run folders
     ("HybridTrack-v0-ppo-seed0") with their recipe.
     """
+    colours = ("#000000", "#6900ff", "#d2b400", "#a0a0a0", "#c80f82", "#00e196", "#0000b4")
+    every = [(colour, marker) for marker in "os^DXv>p*8" for colour in colours]
     styles: dict[str, tuple[str, str]] = {}
     for name in names:
         recipe = re.sub(r"^.*-v\d+-|[ -]seed ?\d+$", "", name)
-        start = zlib.crc32(recipe.encode()) % len(STYLES)
-        colours = [colour for colour, _ in styles.values()]
+        start = zlib.crc32(recipe.encode()) % len(every)
+        used = [colour for colour, _ in styles.values()]
         # The first one of those that are used least.
         styles[name] = min(
-            (*STYLES[start:], *STYLES[:start]),
-            key=lambda style: (colours.count(style[0]), style in styles.values()),
+            every[start:] + every[:start],
+            key=lambda style: (used.count(style[0]), style in styles.values()),
         )
     return styles

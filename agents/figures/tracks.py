@@ -12,8 +12,6 @@ from hybrid_env.checks import BoolArray, IntArray
 if TYPE_CHECKING:
     from matplotlib.patches import Patch
 
-NO_MODE_COLOUR = "0.92"
-
 
 def draw_timelines(
     axes: Any,
@@ -36,7 +34,7 @@ def draw_timelines(
             height,
             np.diff(limits[np.append(begins, len(modes))]),
             left=limits[begins],
-            color=[NO_MODE_COLOUR if mode == NO_MODE else colours[mode] for mode in modes[begins]],
+            color=["0.92" if mode == NO_MODE else colours[mode] for mode in modes[begins]],
             edgecolor="white",
             linewidth=0.5,
             hatch=["xxx" if is_wrong else "" for is_wrong in hatched[begins]],
@@ -47,8 +45,9 @@ def draw_timelines(
     axes.spines[["top", "right", "left"]].set_visible(False)
 
 
-def wrong_patch(label: str) -> "Patch":
-    """Return the entry of the legend for hatched bars."""
+def legend_patches() -> "list[Patch]":
+    """Return the entries of the legend for bars of `NO_MODE` and for hatched bars."""
     from matplotlib.patches import Patch
 
-    return Patch(facecolor="0.6", edgecolor="white", hatch="xxx", label=label)
+    hatched: dict[str, Any] = {"facecolor": "0.6", "edgecolor": "white", "hatch": "xxx"}
+    return [Patch(color="0.92", label="nothing"), Patch(**hatched, label="wrong statement")]

@@ -19,9 +19,6 @@ from hybrid_env.checks import ArgumentError, Count
 from hybrid_env.compiled import COMPILING
 from hybrid_env.extras import explained
 
-Call = Callable[[], Any]
-"""A call without arguments, such as `functools.partial(function, seed)`. It can be pickled."""
-
 Name = TypeVar("Name", bound=Hashable)
 # Repeats of the calls of lost workers; more losses mean that a call itself ends its worker.
 LARGEST_RETRIES = 3
@@ -44,9 +41,12 @@ class Workers:
         return joblib.cpu_count() if self.jobs is None else self.jobs
 
     def results(
-        self, calls: Mapping[Name, Call], on_done: Callable[[Name], None] = lambda name: None
+        self,
+        calls: Mapping[Name, Callable[[], Any]],
+        on_done: Callable[[Name], None] = lambda name: None,
     ) -> Iterator[tuple[Name, Any]]:
-        """Return the names and results of calls, in the order of the calls.
+        """Return the names and results of calls, in the order of the calls. A call has no arguments
+        and can be pickled, such as `functools.partial(function, seed)`.
 
         The call of a worker that is lost (killed, out of memory, or on a machine that went down) is
         repeated. `on_done` is called with the name of every call that has ended.
@@ -66,7 +66,7 @@ class Workers:
                 yield waiting[-1], early.pop(waiting.pop())
 
 
-def _processes(calls: Mapping[Name, Call], jobs: int) -> Iterator[tuple[Name, Any]]:
+def _processes(calls: Mapping[Name, Callable[[], Any]], jobs: int) -> Iterator[tuple[Name, Any]]:
     """Results with their names as they come, from processes of this machine."""
     # They would look for modules in the present folder first.
     os.environ["PYTHONSAFEPATH"] = "1"
@@ -91,7 +91,9 @@ def _processes(calls: Mapping[Name, Call], jobs: int) -> Iterator[tuple[Name, An
     raise _lost()
 
 
-def _in_worker(name: Name, call: Call, trust: bool, quiet: bool = True) -> tuple[Name, Any]:
+def _in_worker(
+    name: Name, call: Callable[[], Any], trust: bool, quiet: bool = True
+) -> tuple[Name, Any]:
     """Run a call. A worker may be that of an earlier command: it trusts what this command trusts. A
     quiet one does not say that it compiles.
     """
@@ -101,7 +103,7 @@ def _in_worker(name: Name, call: Call, trust: bool, quiet: bool = True) -> tuple
         return name, call()
 
 
-def _ray(calls: Mapping[Name, Call], jobs: int) -> Iterator[tuple[Name, Any]]:
+def _ray(calls: Mapping[Name, Callable[[], Any]], jobs: int) -> Iterator[tuple[Name, Any]]:
     """Results with their names as they come, from a Ray cluster, which repeats the calls of lost
     workers.
 

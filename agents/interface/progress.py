@@ -1,11 +1,11 @@
 """Progress display of the commands: bars in a terminal, elsewhere lines with the same figures."""
 
+import functools
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from datetime import timedelta
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -81,40 +81,41 @@ class ProgressLines(Progress):
         return f"{elapsed} {'; '.join(texts) or 'Loading'}".strip()
 
 
-@dataclass(frozen=True)
-class Report:
-    """Says how far a call is, in a file of one line: the call may run in another process."""
+def write_progress(path: Path, label: str, share: float) -> None:
+    """Say what a call does now, and which share of it is done, in a file of one line: the call may
+    run in another process.
+    """
+    # On another machine the folder does not exist.
+    with suppress(OSError):
+        part = path.with_suffix(".part")
+        part.write_text(f"{share} {label}", encoding="utf-8")
+        # A reader never sees half of a line.
+        part.replace(path)
 
-    path: Path
 
-    def __call__(self, label: str, share: float) -> None:
-        """Say what runs now, and which share of the call is done."""
-        # On another machine the folder does not exist.
-        with suppress(OSError):
-            part = self.path.with_suffix(".part")
-            part.write_text(f"{share} {label}", encoding="utf-8")
-            # A reader never sees half of a line.
-            part.replace(self.path)
-
-    def read(self) -> tuple[str, float]:
-        """Return what was said last; nothing is done before it."""
-        try:
-            share, label = self.path.read_text("utf-8").split(" ", 1)
-            return label, float(share)
-        except (OSError, ValueError):
-            return "", 0.0
+def read_progress(path: Path) -> tuple[str, float]:
+    """Return what was said last; nothing is done before it."""
+    try:
+        share, label = path.read_text("utf-8").split(" ", 1)
+        return label, float(share)
+    except (OSError, ValueError):
+        return "", 0.0
 
 
 @contextmanager
-def calls_shown(progress: Progress, title: str, count: int) -> Iterator[list[Report]]:
-    """Show calls while they run, here or in other processes; yield the report of each."""
+def calls_shown(
+    progress: Progress, title: str, count: int
+) -> Iterator[list[Callable[[str, float], None]]]:
+    """Show calls while they run, here or in other processes; yield for each the function that says
+    what it does now, and which share of it is done.
+    """
     bar = progress.add_task(title, total=count, note="")
     with TemporaryDirectory() as folder:
-        reports = [Report(Path(folder, str(number))) for number in range(count)]
+        paths = [Path(folder, str(number)) for number in range(count)]
         ended = threading.Event()
 
         def look() -> None:
-            labels, shares = zip(*(report.read() for report in reports), strict=True)
+            labels, shares = zip(*map(read_progress, paths), strict=True)
             progress.update(bar, completed=sum(shares), note="; ".join(filter(None, labels)))
 
         def watch() -> None:
@@ -124,7 +125,7 @@ def calls_shown(progress: Progress, title: str, count: int) -> Iterator[list[Rep
         thread = threading.Thread(target=watch, daemon=True)
         thread.start()
         try:
-            yield reports
+            yield [functools.partial(write_progress, path) for path in paths]
         finally:
             ended.set()
             thread.join()

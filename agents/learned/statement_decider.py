@@ -16,7 +16,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from agents.learned.statement_net import INPUTS, LOWEST_LOG, StatementNet, statement_inputs
+from agents.learned.statement_net import LOWEST_LOG, StatementNet, statement_inputs
 from agents.learned.torch_defaults import NetworkDecider
 from baselines.rules.beam import BeamDecider, BeamState
 from baselines.rules.beam_filters import Branches
@@ -108,13 +108,16 @@ class StatementDecider(UtilityDecider):
     """
 
     task = UNKNOWN
+    # Of each hypothesis, seen as straight motion, as the turn itself and as the other turns, and of
+    # the track.
+    inputs = 3 * 8 + 2
 
     def __init__(self, net: StatementNet, world: QuickestOptions):
         super().__init__(net)
         self.world = world
         self.layout = QuickestLayout(world.hypotheses)
         self.beam = None
-        if net.recurrent.input_size > INPUTS:
+        if net.recurrent.input_size > self.inputs:
             branches = max(16, 3 * world.hypotheses)
             # It learns among fewer laws than that of the rule.
             prior = mixed_prior(
@@ -136,7 +139,7 @@ class StatementDecider(UtilityDecider):
     @classmethod
     def network(cls, hidden: int, habits: bool = False) -> StatementNet:
         """Return an untrained network, with inputs for habits or without."""
-        return StatementNet(hidden, INPUTS + 3 * 5 * habits)
+        return StatementNet(hidden, cls.inputs + 3 * 5 * habits)
 
     def observe(self, tracks: Any) -> FloatArray:
         """Return rows, and what the beam observes, (N, width)."""

@@ -17,9 +17,6 @@ from hybrid_env.checks import Float32Array, IntArray
 from hybrid_env.observation import QuickestLayout
 from hybrid_env.quickest_options import QuickestOptions
 
-# Inputs of each hypothesis, seen as straight motion, as the turn itself and as the other turns, and
-# of the track.
-INPUTS = 3 * 8 + 2
 LOWEST_LOG = -15.0
 # Gain of the outputs of networks, so that they learn faster than the other layers.
 GAIN = 3.0
@@ -163,7 +160,7 @@ class StatementNet(nn.Module):
         inputs: number of inputs of each turn hypothesis.
     """
 
-    def __init__(self, hidden: int, inputs: int = INPUTS):
+    def __init__(self, hidden: int, inputs: int):
         super().__init__()
         self.recurrent = nn.GRU(inputs, hidden)
         self.output = zero_layer(hidden, 5)

@@ -3,7 +3,7 @@
 import math
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, TypeAlias
@@ -83,6 +83,11 @@ class Algorithm(ABC):
             cls.name = f"{cls.__module__}:{cls.__qualname__}"
         if hasattr(cls, "Settings"):
             REGISTERED[cls.name] = cls
+
+    @classmethod
+    def settings_of(cls, entry: Mapping[str, Any]) -> Any:
+        """Return the checked `Settings` of hyper-parameters."""
+        return cls.Settings(**entry)
 
     @classmethod
     def run_name(cls, env_id: str, recipe: str) -> str:

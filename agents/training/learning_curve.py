@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 from agents.evaluation.bound import bound_scores
 from agents.evaluation.registry import find_decider
 from agents.evaluation.task import sweep, task_of
-from agents.figures.curves import Axis, Curve, Panel, curve_figure
+from agents.figures.curves import Curve, draw_panel, panel_figure
 from agents.figures.decider_colours import decider_styles
 from agents.interface.output_files import save_figure
 from agents.training.run_folder import read_metrics
@@ -127,5 +127,7 @@ def draw_learning_curve(folder: Path, path: Path, curve: LearningCurve) -> None:
     if points:
         rewards = [row["evaluation/reward"] for row in points]
         curves.append(Curve(folder.name, styles[folder.name], steps, rewards))
-    axes = Axis("environment steps, millions"), Axis(f"mean reward per {curve.unit}")
-    save_figure(curve_figure([Panel("", *axes, curves)], 3.6), path)
+    canvas, [axes] = panel_figure(1, 3.6)
+    labels = {"xlabel": "environment steps, millions", "ylabel": f"mean reward per {curve.unit}"}
+    draw_panel(axes, curves, **labels)
+    save_figure(canvas, path)

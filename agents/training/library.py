@@ -11,11 +11,12 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 import stable_baselines3
 import torch
+from annotated_types import Len
 from gymnasium import spaces
 from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.callbacks import BaseCallback
@@ -26,6 +27,7 @@ from torch.utils.tensorboard import SummaryWriter
 from agents.evaluation.task import task_of
 from agents.learned.policy import Actor, ObservationFeatures, actor_decider, read_actor
 from agents.learned.policy_file import LAYOUTS, SavedPolicy, first_line, unreadable_policy
+from agents.learned.torch_defaults import Units
 from agents.training import checkpoint, run_folder
 from agents.training.algorithm import Algorithm, OnRound, TrainingProgress
 from agents.training.library_settings import LibrarySettings
@@ -33,7 +35,7 @@ from agents.training.settings import learning_rate_schedule
 from agents.training.vec_env import HybridTrackVecEnv
 from baselines.rules import seeds
 from baselines.rules.decider import Decider
-from hybrid_env.checks import ArgumentError, check_integer, reject
+from hybrid_env.checks import ArgumentError, check_integer, checked, reject
 from hybrid_env.extras import explained
 from hybrid_env.observation import Layout
 
@@ -124,6 +126,33 @@ class LibraryAlgorithm(Algorithm):
     Settings: ClassVar[type[LibrarySettings]]
     tasks = tuple(LAYOUTS)
     settings: LibrarySettings
+    policy: ClassVar[str] = "MlpPolicy"
+    """Class of the policy."""
+    policy_types: ClassVar[Mapping[str, Any]] = {
+        "net_arch": Annotated[tuple[Units, ...], Len(1, 8)],
+        "ortho_init": bool,
+    }
+    """Declared types of the keyword arguments of the policy."""
+
+    @classmethod
+    def settings_of(cls, entry: Mapping[str, Any]) -> LibrarySettings:
+        """See `Algorithm.settings_of`; those of the policy too."""
+        settings: LibrarySettings = super().settings_of(entry)
+        if settings.policy != cls.policy:
+            raise reject("policy", settings.policy, repr(cls.policy))
+        cls.check_policy(settings.policy_kwargs)
+        return settings
+
+    @classmethod
+    def check_policy(cls, given: Any) -> None:
+        """Check names and types of the keyword arguments of the policy, and the size of its
+        network.
+        """
+        known = cls.policy_types
+        if not isinstance(given, Mapping) or not given.keys() <= known.keys():
+            raise reject("policy_kwargs", given, f"a mapping of {', '.join(known)}")
+        for name, value in given.items():
+            checked(name, value, known[name])
 
     @classmethod
     def library_class(cls) -> Any:
@@ -144,7 +173,7 @@ class LibraryAlgorithm(Algorithm):
             width = check_integer(
                 "observation_width", saved.card["observation_width"], maximum=2000
             )
-            cls.Settings.check_network(saved.entry["policy_kwargs"])
+            cls.check_policy(saved.entry["policy_kwargs"])
             actor = cls.actor(saved.weights, saved.entry, width, LAYOUTS[saved.task])
             return actor_decider(actor, options)
         except (KeyError, TypeError, ValueError, RuntimeError) as error:

@@ -4,15 +4,10 @@ libraries.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any
 
-from annotated_types import Interval, Len
-
-from agents.training.settings import Factor, LearningRate
-from hybrid_env.checks import Checked, Count, checked, declared_fields, reject
-
-# Units of a layer, of which a file may not ask for more.
-Layer = Annotated[int, Interval(ge=1, le=1024)]
+from agents.training.settings import Factor, check_rate
+from hybrid_env.checks import Checked, Count, declared_fields
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,9 +21,9 @@ class LibrarySettings(Checked):
     # Parallel tracks.
     n_envs: Count
     # Constant, or "lin_" and the initial value for linear decay to zero.
-    learning_rate: LearningRate
-    # Class of the policy.
-    policy: Literal["MlpPolicy"]
+    learning_rate: Annotated[str | float, check_rate]
+    # Class of the policy, and its keyword arguments, see `LibraryAlgorithm`.
+    policy: str
     policy_kwargs: Mapping[str, Any] = field(default_factory=dict)
     # Discount factor.
     gamma: Factor = 1.0
@@ -37,27 +32,6 @@ class LibrarySettings(Checked):
     wait_bias: float = 5.0
     # Names of the observed quantities, see `ObservationFeatures`; all if empty.
     observe: tuple[str, ...] = ()
-
-    network: ClassVar[Mapping[str, Any]] = {
-        "net_arch": Annotated[tuple[Layer, ...], Len(1, 8)],
-        "ortho_init": bool,
-    }
-    """Declared types of the keyword arguments of the policy."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self.check_network(self.policy_kwargs)
-
-    @classmethod
-    def check_network(cls, policy_kwargs: Any) -> None:
-        """Check names and types of the keyword arguments of a policy, and the size of its
-        network.
-        """
-        known = cls.network
-        if not isinstance(policy_kwargs, Mapping) or not policy_kwargs.keys() <= known.keys():
-            raise reject("policy_kwargs", policy_kwargs, f"a mapping of {', '.join(known)}")
-        for name, value in policy_kwargs.items():
-            checked(name, value, known[name])
 
     @property
     def keywords(self) -> dict[str, Any]:

@@ -18,8 +18,6 @@ from agents.learned.algorithm_names import find_algorithm
 from hybrid_env.checks import check_integer, declared_fields, reject, unknown
 from hybrid_env.json_files import read_text
 
-RECIPES = Path(__file__).parent / "recipes"
-
 
 @dataclass(frozen=True)
 class Recipe:
@@ -48,9 +46,10 @@ class Recipe:
         return {"name": self.name, "entry": entry}
 
 
-def recipe_names() -> list[str]:
-    """Return the names of the recipes that come with the package."""
-    return sorted(path.stem for path in RECIPES.glob("*.yml"))
+def package_recipes() -> dict[str, Path]:
+    """Return the files of the recipes that come with the package, by name."""
+    folder = Path(__file__).parent / "recipes"
+    return {path.stem: path for path in sorted(folder.glob("*.yml"))}
 
 
 def load_recipe(
@@ -64,9 +63,10 @@ def load_recipe(
         changes: hyper-parameters to override, each "name=value" with a value in YAML.
         own_modes: whether the environment has modes of the user.
     """
-    path = RECIPES / f"{name}.yml" if name in recipe_names() else Path(name)
+    known = package_recipes()
+    path = known.get(name) or Path(name)
     if path.suffix not in (".yml", ".yaml") and not path.is_file():
-        raise unknown("recipe", name, recipe_names())
+        raise unknown("recipe", name, known)
     try:
         entries = parse_yaml(read_text(path))
     except (OSError, ValueError) as error:
@@ -105,13 +105,13 @@ def recipe_of(name: str, entry: Mapping[str, Any]) -> Recipe:
         raise reject("recipe", name, "a name, and an entry with hyper-parameters")
     entry = dict(entry)
     algo = entry.pop("algo", None)
-    kind = find_algorithm(algo).Settings
+    kind = find_algorithm(algo)
     steps = check_integer("n_timesteps", entry.pop("n_timesteps", None), maximum=10**12)
-    known = declared_fields(kind)
+    known = declared_fields(kind.Settings)
     for key in entry.keys() - known.keys():
         raise unknown("set", key, known)
     try:
-        settings = kind(**entry)
+        settings = kind.settings_of(entry)
     except TypeError as error:
         raise reject("recipe", name, f"an entry with all hyper-parameters ({error})") from None
     recipe = Recipe(name, algo, steps, settings)

@@ -29,9 +29,6 @@ def check_rate(value: Any, name: str) -> str | float:
     return value
 
 
-LearningRate: TypeAlias = Annotated[str | float, check_rate]
-
-
 @dataclass(frozen=True, kw_only=True)
 class NetworkSettings(Checked):
     """Hyper-parameters of all agents whose networks are of this package; base class."""
@@ -39,4 +36,4 @@ class NetworkSettings(Checked):
     # Units of each hidden layer.
     hidden: Units
     # Constant, or "lin_" and the initial value for linear decay.
-    learning_rate: LearningRate
+    learning_rate: Annotated[str | float, check_rate]

@@ -3,6 +3,8 @@ the declaration. Each filter of a decider gives the state of the object if its h
 `propagation` gives the error for each hypothesis.
 """
 
+from typing import ClassVar
+
 import numpy as np
 
 from baselines.estimation.mixture import mixture
@@ -20,14 +22,14 @@ from hybrid_env.compiled import LANES, FilterModel, run_compiled
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 
-# Components of the distribution.
-COMPONENTS = 4
-
 
 class AnchorErrors(OwnState):
     """A copy of the bank of the environment for each of N tracks, and the distribution of its error
     at the next switch.
     """
+
+    # Of the distribution.
+    components: ClassVar[int] = 4
 
     def __init__(self, tracks: int, world: WorldOptions):
         self.world, self.tracks = world, tracks
@@ -99,6 +101,7 @@ class AnchorErrors(OwnState):
         log_weight[~likely] = -np.inf
         weight = np.exp(log_weight - log_weight.max(1, keepdims=True))
         return merged(
+            self.components,
             weight / weight.sum(1, keepdims=True),
             mean[..., :4] + gain * innovation[..., None],
             covariance[..., :4, :4] - gain[..., None] * covariance[..., None, :4, 4],
@@ -158,18 +161,20 @@ def inverted(entries: FloatArray) -> FloatArray:
     return np.stack([yy, -xy, xx], axis=-1) / (xx * yy - xy * xy)[:, None]
 
 
-def merged(weight: FloatArray, mean: FloatArray, covariance: FloatArray) -> Anchors:
+def merged(
+    components: int, weight: FloatArray, mean: FloatArray, covariance: FloatArray
+) -> Anchors:
     """Return mixtures of the heaviest of some components, weights (n, K), and of one that has the
     moments of all others.
     """
     order = np.argsort(-weight, axis=1)
     rows = np.arange(len(weight))[:, None]
     weight, mean, covariance = (values[rows, order] for values in (weight, mean, covariance))
-    last = COMPONENTS - 1
+    last = components - 1
     rest = np.maximum(weight[:, None, last:], 1e-300)
     total = rest.sum(-1)
     others = mixture(mean[:, last:], covariance[:, last:], rest / total[..., None])
-    weight[:, last:COMPONENTS] = total
-    mean[:, last:COMPONENTS], covariance[:, last:COMPONENTS] = others
-    log_weights = np.log(np.maximum(weight[:, :COMPONENTS], 1e-300))
-    return Anchors(log_weights, mean[:, :COMPONENTS], covariance[:, :COMPONENTS])
+    weight[:, last:components] = total
+    mean[:, last:components], covariance[:, last:components] = others
+    log_weights = np.log(np.maximum(weight[:, :components], 1e-300))
+    return Anchors(log_weights, mean[:, :components], covariance[:, :components])

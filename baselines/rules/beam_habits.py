@@ -16,8 +16,6 @@ import numpy as np
 from hybrid_env.checks import AnyArray, Float32Array, FloatArray, IntArray
 from hybrid_env.compiled import internal, summing
 
-# Row of the beliefs in one law for all modes; rows 1 and 2 are straight motion and turns.
-SAME = 0
 # Beliefs below become 0: denormal numbers are slow.
 SMALLEST_BELIEF = np.float32(1e-30)
 
@@ -63,9 +61,7 @@ def _begin_segment(habits: Habits, track: int, slot: int, mode: int) -> None:
     laws = habits.laws
     kind = 2 if mode > 0 else 1
     for law in range(laws.shape[3]):
-        habits.beliefs[track, slot, law] = (
-            laws[track, slot, SAME, law] + laws[track, slot, kind, law]
-        )
+        habits.beliefs[track, slot, law] = laws[track, slot, 0, law] + laws[track, slot, kind, law]
     counts = habits.orders[track, slot, mode]
     habitual = habits.habitual[track, slot]
     # Added to the count of each next mode, if these are not equally likely.
@@ -107,14 +103,14 @@ def _sums(
     row: int,
     column: int,
 ) -> tuple[np.float32, np.float32, np.float32]:
-    """Return sums over the laws: of `SAME` times the probability of the end, of row `kind` times
-    it, of `kind` alone.
+    """Return sums over the laws: of row 0, "same", times the probability of the end, of row `kind`
+    times it, of `kind` alone.
     """
     total = np.float32(0.0)
     part = np.float32(0.0)
     before = np.float32(0.0)
     for law in range(laws.shape[3]):
-        total += laws[track, slot, SAME, law] * tables[row, column, 1, law]
+        total += laws[track, slot, 0, law] * tables[row, column, 1, law]
         part += laws[track, slot, kind, law] * tables[row, column, 1, law]
         before += laws[track, slot, kind, law]
     return total, part, before
@@ -141,7 +137,7 @@ def _add_posterior(
     share = scale * apart / before if before > 0.0 else np.float32(0.0)
     for law in range(laws.shape[3]):
         ended = scale * tables[row, column, 1, law]
-        laws[track, slot, SAME, law] += ended * laws[track, parent, SAME, law]
+        laws[track, slot, 0, law] += ended * laws[track, parent, 0, law]
         laws[track, slot, kind, law] += ended * laws[track, parent, kind, law]
         laws[track, slot, other, law] += share * laws[track, parent, other, law]
 

@@ -55,22 +55,13 @@ class NoiseLaw(NamedTuple):
     outlier_variance: float
     # Logarithm of the share of outliers.
     log_outlier_odds: float
-    # Squared whitened innovation from which a measurement counts as an outlier.
+    # Squared whitened innovation from which a measurement counts as an outlier; infinite if none
+    # does.
     distance: float
 
 
 # Normal errors with an outlier in thirty, and heavy tails.
 ASSUMED_LAWS = NoiseLaw(0.0, 1.0, 25.0, -3.5, 14.0), NoiseLaw(-3.0, 2.0, 40.0, -2.3, 12.0)
-
-
-class _Assumption(NamedTuple):
-    """What the filters assume: a law of the noise, and an orientation of the heading frame."""
-
-    model: FilterModel
-    outlier_model: FilterModel
-    # That of the law; infinite if no measurement counts as an outlier.
-    distance: float
-    law: NoiseLaw
 
 
 class FilterRecords(NamedTuple):
@@ -127,7 +118,9 @@ def _sense(
 @compiled
 def _filter_tick(
     filters: AnyArray,
-    assumption: _Assumption,
+    law: NoiseLaw,
+    model: FilterModel,
+    outlier_model: FilterModel,
     log_likelihood: FloatArray,
     innovations: FloatArray,
     begins: BoolArray,
@@ -152,22 +145,22 @@ def _filter_tick(
             for h in range(bank.size if begins[i] else 0):
                 anchor, covariance = estimate_in(anchors[c, i])
                 radius = signed_radius(h, radii)
-                begin_turn(bank[h], lane, anchor, covariance, radius, assumption.model)
+                begin_turn(bank[h], lane, anchor, covariance, radius, model)
         for h in range(bank.size):
             memory.filters[h] = bank[h]
-        _sense(bank, memory, 0, lanes, sensors, assumption.model)
+        _sense(bank, memory, 0, lanes, sensors, model)
         for lane in range(lanes):
             smallest = math.inf
             for h in range(bank.size):
                 x = memory.innovations[h].white_x[lane]
                 y = memory.innovations[h].white_y[lane]
                 smallest = min(smallest, x * x + y * y)
-            if smallest >= assumption.distance:
+            if smallest >= law.distance:
                 # No hypothesis explains the measurement.
                 for h in range(bank.size):
                     copy_filter(memory.filters[h], lane, bank[h], lane)
-                    bank[h].log_likelihood[lane] += assumption.law.log_outlier_odds
-                _sense(bank, memory, lane, lane + 1, sensors, assumption.outlier_model)
+                    bank[h].log_likelihood[lane] += law.log_outlier_odds
+                _sense(bank, memory, lane, lane + 1, sensors, outlier_model)
         for lane in range(lanes):
             c, i = divmod(b * LANES + lane, tracks)
             for h in range(bank.size):
@@ -215,17 +208,18 @@ class ComponentFilters(OwnState):
         self.oriented = oriented and x != y and world.bank == "published"
         if robust and x != y and not self.oriented:
             variances = [(x, y), (y, x), ((x + y) / 2, (x + y) / 2)]
-        laws = ASSUMED_LAWS if robust else ASSUMED_LAWS[:1]
+        laws = ASSUMED_LAWS if robust else (ASSUMED_LAWS[0]._replace(distance=math.inf),)
         # Its laws of the errors are its own.
         model = own_filters(world)._replace(freedom=0.0, exact_anchor=float(bank == "published"))
+        # Laws of the noise and orientations of the heading frame, with the models of measurements
+        # and of outliers.
         self.assumptions = [
-            _Assumption(
+            (
+                law,
                 model._replace(variance_x=law.variance * x, variance_y=law.variance * y),
                 model._replace(
                     variance_x=law.outlier_variance * x, variance_y=law.outlier_variance * y
                 ),
-                law.distance if robust else math.inf,
-                law,
             )
             for law in laws
             for x, y in variances
@@ -294,7 +288,8 @@ class ComponentFilters(OwnState):
             self.memory,
         )
         for arrays in of_assumptions:
-            run_compiled(_filter_tick, *arrays, *of_tick)
+            filters, assumption, *written = arrays
+            run_compiled(_filter_tick, filters, *assumption, *written, *of_tick)
         self._combine()
         if self.world.sensors:
             self.innovations = in_heading_frame(self.innovations, heading)
@@ -338,7 +333,7 @@ class ComponentFilters(OwnState):
     @property
     def noise_ratios(self) -> FloatArray:
         """Variance of the errors over that of a measurement, by each assumption."""
-        return np.array([assumption.law.variance for assumption in self.assumptions])
+        return np.array([law.variance for law, _, _ in self.assumptions])
 
     @property
     def posterior(self) -> FloatArray:

@@ -12,7 +12,7 @@ import sys
 import traceback
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -22,9 +22,6 @@ from gymnasium.error import InvalidAction
 
 from baselines.rules.decider import Actions, Answer, Decider
 from hybrid_env.checks import ArgumentError, BoolArray, checked, reject
-
-# Group of entry points by which packages name deciders.
-ENTRY_POINTS = "hybridtrack.deciders"
 
 
 class ModelDecider(Decider):
@@ -114,10 +111,9 @@ def find_external(name: str) -> Any:
     """Return the object of "mine.py:MyRule", "package.module:Rule" or an entry point; None for
     another form.
     """
-    for point in entry_points(group=ENTRY_POINTS):
-        if point.name == name:
-            with _one_line(name):
-                return point.load()
+    if point := installed_deciders().get(name):
+        with _one_line(name):
+            return point.load()
     if not names_code(name):
         return None
     where, attribute = _split(name)
@@ -134,9 +130,10 @@ def find_external(name: str) -> Any:
         raise reject("decider", name, allowed)
 
 
-def entry_point_names() -> list[str]:
-    """Return the names of the deciders of installed packages."""
-    return sorted(point.name for point in entry_points(group=ENTRY_POINTS))
+def installed_deciders() -> dict[str, EntryPoint]:
+    """Return the entry points by which installed packages name deciders."""
+    points = entry_points(group="hybridtrack.deciders")
+    return {point.name: point for point in sorted(points, key=lambda point: point.name)}
 
 
 def external_decider(model: Any, name: str, options: Any) -> Decider:

@@ -13,17 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.rules.decider import Actions, Answer, Decider, Observations, Variants
-from hybrid_env.checks import AnyArray, FloatArray, IntArray, checked
+from hybrid_env.checks import AnyArray, BoolArray, FloatArray, IntArray, checked
 from hybrid_env.compiled import LOG_FLOOR
 from hybrid_env.observation import Layout
 from hybrid_env.options import WorldOptions
 from hybrid_env.rendering.evidence import EvidencePanel, posterior_panel, ratio_limits
 
 By = Literal["hypothesis", "type"]
-CLIPPED_RATIO = LOG_FLOOR + 1e-3
-"""The environment clips log-likelihood ratios at `LOG_FLOOR`; values up to this one count as
-clipped.
-"""
 ALPHAS = (
     0.6,
     0.5,
@@ -57,6 +53,11 @@ PUBLISHED: dict[str, Any] = {"bank": "published", "evidence": 0.0, "follow": "de
 """Options of the algorithms of the papers: their bank, on which every declaration counts."""
 ROBUST = PUBLISHED | {"likelihood": "student_t 50"}
 """The same with the robust likelihood."""
+
+
+def at_floor(log_ratio: FloatArray) -> BoolArray:
+    """Return which log-likelihood ratios the environment has clipped, at `LOG_FLOOR`."""
+    return log_ratio <= LOG_FLOOR + 1e-3
 
 
 def rewarded(options: WorldOptions) -> By:
@@ -145,7 +146,7 @@ class MSPRTDecider(Decider):
         log_ratio = layout.read(rows, "log_ratio")
         log_error, best = layout.read(rows, "log_error_probability"), log_ratio.argmax(-1)
         if self.by == "type":
-            likelihood = np.where(log_ratio <= CLIPPED_RATIO, 0.0, np.exp(log_ratio))
+            likelihood = np.where(at_floor(log_ratio), 0.0, np.exp(log_ratio))
             posterior = likelihood / likelihood.sum(-1, keepdims=True)
             error, best = error_and_best(posterior, self.types_in(layout))
             log_error = np.log(np.maximum(error, np.exp(LOG_FLOOR)))

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from baselines.rules.anchor_errors import COMPONENTS, AnchorErrors
+from baselines.rules.anchor_errors import AnchorErrors
 from baselines.rules.component_filters import Anchors, ComponentFilters, stated_anchors
 from baselines.rules.decider import Answer, Decider, Observations, Variants
 from baselines.rules.measurements import observe_sensed, split_sensed
@@ -63,7 +63,7 @@ class RefilteringDecider(Decider):
         self.bank = bank
         # The anchor of the oracle is the true state.
         self.propagates = propagates and world.bank != "oracle"
-        self.components = COMPONENTS if self.propagates else 1
+        self.components = AnchorErrors.components if self.propagates else 1
         self.layout = Layout(world.hypotheses)
         self.observes = "tracks" if world.sensors else "rows"
 

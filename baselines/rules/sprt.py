@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from baselines.rules.decider import Actions, Decider, Observations, Variants
-from baselines.rules.msprt import CLIPPED_RATIO, PUBLISHED, ROBUST
+from baselines.rules.msprt import PUBLISHED, ROBUST, at_floor
 from hybrid_env.checks import BoolArray, FloatArray, IntArray, Probability, checked, reject
 from hybrid_env.compiled import compiled, internal, run_compiled
 from hybrid_env.observation import Layout
@@ -168,9 +168,9 @@ class SPRTDecider(Decider):
             running = running | (ticks <= last)[:, None]
             best = ratios.argmax(-1)[:, None]
             accumulated = before + increment
-            clipped = (ratios <= CLIPPED_RATIO) & (ticks == last + 1)[:, None]
+            goes_on = at_floor(ratios) & (ticks == last + 1)[:, None]
             log_likelihood = np.take_along_axis(accumulated, best, -1) + ratios
-            log_likelihood = np.where(clipped, accumulated, log_likelihood)
+            log_likelihood = np.where(goes_on, accumulated, log_likelihood)
         first = ticks <= 1
         log_likelihood[first] = increment[first]
         reference = read("previous").argmax(-1)

@@ -5,12 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from baselines.scoring.scores import Statistic, quotient
 from hybrid_env.checks import BoolArray, FloatArray, IntArray
-
-RMSE = Statistic(
-    ("squared_error", "length"), lambda error, length: np.sqrt(quotient(error, length))
-)
 
 
 @dataclass(frozen=True)

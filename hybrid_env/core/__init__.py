@@ -7,5 +7,6 @@ the row. `announced` and `unknown` say what is done to a track with announced an
 switches, `kernels` has the entry points. `memory` declares, allocates and finds records, arrays and
 parameters. `compilation` has the compiler options and the folder of numba's cache; `bitcode` has
 kernels compiled by a build; `elementary` has log, exp, sine and cosine; `vectors` has vectors and
-symmetric matrices as tuples. The folder imports numpy, numba with its llvmlite, and its own files.
+symmetric matrices as tuples, and `arrays` the types of arrays. The folder imports numpy, numba with
+its llvmlite, and its own files.
 """

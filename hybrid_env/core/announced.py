@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from hybrid_env.core.arrays import FloatArray, IntArray
 from hybrid_env.core.bank_ticks import write_corrected, write_innovations
 from hybrid_env.core.banks import operations
 from hybrid_env.core.banks.bank import (
-    IDENTITY,
     estimate_of,
     filter_model,
     likeliest,
@@ -28,16 +28,7 @@ from hybrid_env.core.banks.posterior import (
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import bits_of
 from hybrid_env.core.kernel import BEGUN, DECIDED, HALTED, TERMINATED
-from hybrid_env.core.memory import (
-    DECISION,
-    LANES,
-    FloatArray,
-    IntArray,
-    arrays_of,
-    state_of,
-    triangle_of,
-    write_lane,
-)
+from hybrid_env.core.memory import DECISION, LANES, arrays_of, state_of, triangle_of, write_lane
 from hybrid_env.core.motion import heading_vector
 from hybrid_env.core.noise import GAUSSIAN, draw_normals, integer_below
 from hybrid_env.core.observation_row import (
@@ -94,7 +85,8 @@ def begin_bank(block: Any, lane: int, bank: Any, radii: FloatArray, setting: Any
     speed, heading_x, heading_y = heading_vector(anchor[1], anchor[3])
     block.speed[lane], block.heading[0, lane], block.heading[1, lane] = speed, heading_x, heading_y
     if setting.reset_covariance:
-        covariance = IDENTITY
+        # P := I, as published (Tsyganov 2019, line 28; Golubkov 2018, setFilters).
+        covariance = 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0
     if setting.oracle:
         # Its anchor is exact.
         covariance = NOTHING

@@ -7,13 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from hybrid_env.core.arrays import FloatArray
 from hybrid_env.core.banks import operations
 from hybrid_env.core.banks.bank import estimate_of, filter_model
 from hybrid_env.core.compilation import seldom, stay_apart
-from hybrid_env.core.memory import BANK_COLUMNS, LANES, FloatArray
-
-ESTIMATES = BANK_COLUMNS["innovations"] + BANK_COLUMNS["innovation_covariances"]
-COVARIANCES = ESTIMATES + BANK_COLUMNS["estimates"]
+from hybrid_env.core.memory import BANK_COLUMNS, LANES
 
 
 @seldom
@@ -55,10 +53,11 @@ def write_corrected(bank_ticks: FloatArray, b: int, first: int, last: int, bank:
     for lane in range(first, last):
         for h in range(bank.hypotheses.size):
             row = bank_ticks[b * LANES + lane, h]
+            # Behind the innovation and its covariance.
             for k, value in enumerate(estimate_of(bank.hypotheses, h, lane)):
-                row[ESTIMATES + k] = value
+                row[5 + k] = value
             for k, value in enumerate(operations.covariance(bank, h, lane)):
-                row[COVARIANCES + k] = value
+                row[9 + k] = value
 
 
 def read_bank_ticks(rows: FloatArray) -> dict[str, FloatArray]:

@@ -40,11 +40,6 @@ COMPILING = "HYBRIDTRACK_COMPILING"
 OPTIONS: Any = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
 """Options of all functions. C never calls one."""
 
-formula: Any = register_jitable(**OPTIONS, forceinline=True)
-"""Decorator of a scalar formula, which is compiled once and which LLVM inlines into its callers.
-Python runs it as it is.
-"""
-
 inlined: Any = njit(**OPTIONS, inline="always")
 """Decorator of a part of a function with one or two callers, which numba inlines before it infers
 types: its statements are compiled again at every call.

@@ -10,7 +10,7 @@ import numpy as np
 from numba import types
 from numba.extending import lower_builtin, type_callable
 
-from hybrid_env.core.compilation import formula
+from hybrid_env.core.compilation import internal
 
 # Ln 2 in two parts; the product of an exponent and the first is exact.
 LOG_TWO_HIGH, LOG_TWO_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
@@ -45,7 +45,7 @@ _compile_cast(bits_of, types.int64, types.float64)
 _compile_cast(float_of, types.float64, types.int64)
 
 
-@formula
+@internal
 def log(x: float) -> float:
     """Natural logarithm of a positive normal number; about -709 for zero, finite for negative
     numbers.
@@ -72,7 +72,7 @@ def log(x: float) -> float:
     return k * LOG_TWO_HIGH - ((square - (s * (square + even + odd) + k * LOG_TWO_LOW)) - f)
 
 
-@formula
+@internal
 def exp(x: float) -> float:
     """Exponential of a number between -700 and 700."""
     shifted = x * (1.0 / math.log(2.0)) + SHIFTER
@@ -91,7 +91,7 @@ def exp(x: float) -> float:
     return mantissa * power
 
 
-@formula
+@internal
 def sine_cosine(x: float) -> tuple[float, float]:
     """Sine and cosine of an angle [rad]. The absolute error is of the order of 1e-16 (1 + |x|)."""
     shifted = x * (2.0 / math.pi) + SHIFTER

@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_env.core.arrays import FloatArray
 from hybrid_env.core.compilation import internal, seldom, stay_apart
 from hybrid_env.core.elementary import exp, log
-from hybrid_env.core.memory import FloatArray
 from hybrid_env.core.noise import integer_below, uniform
 
 NARROW, WIDE, GEOMETRIC, TWO_HUMPS, DIFFERENT = range(5)

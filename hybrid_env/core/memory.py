@@ -8,6 +8,7 @@ each of them by a default value `Array(dtype, sizes)`. A size is a number or a f
 parameter record; the address is in the field with the name of the array.
 """
 
+import functools
 import math
 import mmap
 from collections.abc import Callable, Mapping
@@ -19,11 +20,8 @@ import numpy as np
 from numba import carray, types
 from numpy.typing import NDArray
 
-from hybrid_env.core.compilation import formula, inlined, intrinsic
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-Records = NDArray[Any]
+from hybrid_env.core.arrays import AnyArray, FloatArray
+from hybrid_env.core.compilation import inlined, internal, intrinsic
 
 # Tracks per block. Eight float64 fill a cache line and the widest vector register.
 LANES = 8
@@ -42,32 +40,32 @@ def lanes_of(**fields: Any) -> np.dtype[Any]:
     return np.dtype([(name, kind, (*rows, LANES)) for name, (kind, *rows) in kinds.items()])
 
 
-@formula
+@internal
 def four_of(array: FloatArray, k: int, lane: int) -> State:
     """Return the values k .. k + 3 of a lane of an array, (n, LANES)."""
     return array[k, lane], array[k + 1, lane], array[k + 2, lane], array[k + 3, lane]
 
 
-@formula
+@internal
 def state_of(array: FloatArray, lane: int) -> State:
     """Return the values of a lane of an array, (4, LANES)."""
     return four_of(array, 0, lane)
 
 
-@formula
+@internal
 def triangle_of(array: FloatArray, lane: int) -> Triangle4:
     """Return the values of a lane of an array, (10, LANES)."""
     last = array[8, lane], array[9, lane]
     return four_of(array, 0, lane) + four_of(array, 4, lane) + last
 
 
-@formula
+@internal
 def write_four(array: FloatArray, k: int, lane: int, values: State) -> None:
     """Write the values k .. k + 3 of a lane of an array, (n, LANES)."""
     array[k, lane], array[k + 1, lane], array[k + 2, lane], array[k + 3, lane] = values
 
 
-@formula
+@internal
 def write_lane(array: FloatArray, lane: int, values: tuple[float, ...]) -> None:
     """Write k values to a lane of an array, (k, LANES)."""
     for k, value in enumerate(values):
@@ -123,9 +121,6 @@ HEIGHT_FIELDS = {
     "height_estimate": (float, 2),
     "height_variances": (float, 2),
 }
-HEIGHT_NAMES = ("true_height", "height", "height_estimate")
-"""What `info` then tells of the current tick too."""
-
 # In `info` of ticks with a measurement only.
 MEASURED_NAMES = "measurement", "innovations", "height"
 TICK_NAMES = ("segment", "tick", "true_mode", "truth", "measurement", "anchor", "estimate")
@@ -275,7 +270,7 @@ def declared(arrays: type, *owners: str) -> dict[str, Array]:
 
 def aligned_zeros(
     shape: tuple[int, ...], dtype: Any, cache_line: int = 64, huge_page: int = 1 << 21
-) -> NDArray[Any]:
+) -> AnyArray:
     """Return an array of zeros aligned to a cache line, so that the eight lanes of a field fill one
     line. Large arrays request huge pages: with pages of 4 kB the address cache misses every few
     tracks, which takes longer than the computation. cache_line, huge_page: in bytes.
@@ -298,7 +293,7 @@ def aligned_zeros(
     return memory[start : start + size].view(kind).reshape(shape)
 
 
-def allocate(array: Array, sizes: Mapping[str, int] | np.void) -> NDArray[Any]:
+def allocate(array: Array, sizes: Mapping[str, int] | np.void) -> AnyArray:
     """Return an array of zeros with the declared type and shape."""
     shape = tuple(size if isinstance(size, int) else int(sizes[size]) for size in array.sizes)
     return aligned_zeros(shape, array.dtype)
@@ -321,7 +316,7 @@ def address_as(kind: Any) -> Any:
 _pointer_to = address_as(types.voidptr)
 
 
-@formula
+@internal
 def parameters_at(address: int) -> Any:
     """Return the record `PARAMETERS` at an address; for compiled code only."""
     return carray(_pointer_to(address), (1,), PARAMETERS)[0]
@@ -347,17 +342,20 @@ def _size_reader(size: int | str) -> Any:
 
 def _array_reader(name: str, array: Array) -> Any:
     dtype, shape = array.dtype, _joined(list(map(_size_reader, array.sizes)))
-    whole = formula(lambda setting, b: carray(_pointer_to(setting[name]), shape(setting, b), dtype))
-    return formula(lambda setting, b: whole(setting, b)[b]) if array.of == "block" else whole
+    whole = internal(
+        lambda setting, b: carray(_pointer_to(setting[name]), shape(setting, b), dtype)
+    )
+    return internal(lambda setting, b: whole(setting, b)[b]) if array.of == "block" else whole
 
 
+@functools.cache
 def reader(arrays: type) -> Callable[[type, Any, int], Any]:
     """Return the compiled function that finds the arrays of a named tuple by its class and a
     parameter record; of a bank those of block b.
     """
     values = _joined([_array_reader(name, array) for name, array in declared(arrays).items()])
     read: Callable[[type, Any, int], Any]
-    read = formula(lambda kind, setting, b: kind(*values(setting, b)))
+    read = internal(lambda kind, setting, b: kind(*values(setting, b)))
     return read
 
 
@@ -537,14 +535,6 @@ class DenseImmBank(NamedTuple):
     mixed_heights: Any = Array(np.float64, HEIGHTS.sizes[1:], "thread")
 
 
-BANKS: dict[str, type] = {
-    "published": PublishedBank,
-    "oracle": PublishedBank,
-    "anchor_aware": AnchorAwareBank,
-}
-"""The bank of each value of the option `bank`."""
-
-
 class Arrays(NamedTuple):
     """The arrays of N tracks except their banks. A size is a field of `PARAMETERS`."""
 
@@ -601,7 +591,7 @@ class Arrays(NamedTuple):
 _read_arrays = reader(Arrays)
 
 
-@formula
+@internal
 def arrays_of(setting: Any) -> Any:
     """Return the `Arrays` at the addresses in a record `PARAMETERS`."""
     return _read_arrays(Arrays, setting, 0)
@@ -732,7 +722,14 @@ PARAMETERS = np.dtype(
         *(
             dict.fromkeys(
                 (name, np.uintp)
-                for arrays in (Arrays, *BANKS.values(), DenseBank, ImmBank, DenseImmBank)
+                for arrays in (
+                    Arrays,
+                    PublishedBank,
+                    AnchorAwareBank,
+                    DenseBank,
+                    ImmBank,
+                    DenseImmBank,
+                )
                 for name in declared(arrays)
             )
         ),

@@ -10,8 +10,8 @@ omega = 0.
 import math
 from typing import Any
 
-from hybrid_env.core.compilation import formula, internal
-from hybrid_env.core.memory import FloatArray
+from hybrid_env.core.arrays import FloatArray
+from hybrid_env.core.compilation import internal
 from hybrid_env.core.vectors import Vector, product
 
 # [rad], turned per tick in the model of a bank.
@@ -31,7 +31,7 @@ def motion_coefficients(turn_rate: float, tau: float) -> tuple[float, float, flo
     return math.cos(turn_rate * tau), sine / turn_rate, turn_rate * sine
 
 
-@formula
+@internal
 def propagate(
     position: float,
     velocity: float,
@@ -80,13 +80,13 @@ def turn_centre(
     return x - heading_y * signed_radius, y + heading_x * signed_radius
 
 
-@formula
+@internal
 def six_of(array: FloatArray) -> Vector:
     """Return the values of an array, (6,), as a vector."""
     return array[0], array[1], array[2], array[3], array[4], array[5]
 
 
-@formula
+@internal
 def rows_of_matrix(matrix: FloatArray) -> tuple[Vector, ...]:
     """Return the rows of a matrix, (6, 6), as vectors."""
     return (
@@ -99,7 +99,7 @@ def rows_of_matrix(matrix: FloatArray) -> tuple[Vector, ...]:
     )
 
 
-@formula
+@internal
 def linear_motion(motion: Any, state: Vector) -> Vector:
     """Return F x + B of a linear mode, a record `MOTION`; x = [x, vx, y, vy, ax, ay]."""
     x, u, y, v, a, b = product(rows_of_matrix(motion.F), state)

@@ -13,10 +13,11 @@ import numpy as np
 from numba import carray, cfunc, njit, types
 from numpy.typing import NDArray
 
-from hybrid_env.core.compilation import formula, inlined, internal, seldom, stay_apart
+from hybrid_env.core.arrays import FloatArray
+from hybrid_env.core.compilation import inlined, internal, seldom, stay_apart
 from hybrid_env.core.elementary import ONE, exp, float_of, log, sine_cosine
 from hybrid_env.core.errors import ArgumentError
-from hybrid_env.core.memory import LANES, FloatArray, address_as
+from hybrid_env.core.memory import LANES, address_as
 
 # Laws of the measurement noise; the last one calls a function of the user.
 GAUSSIAN, OUTLIERS, LEVY, STUDENT_T, OWN = range(5)
@@ -59,13 +60,13 @@ def next_uint64(state: NDArray[np.uint64], lane: int) -> np.uint64:
     return bits
 
 
-@formula
+@internal
 def uniform(state: NDArray[np.uint64], lane: int) -> float:
     """Return a uniform number in [0, 1)."""
     return _to_uniform(next_uint64(state, lane))
 
 
-@formula
+@internal
 def _draw_uniforms(state: NDArray[np.uint64], lane: int, noise: FloatArray, column: int) -> None:
     """Draw four uniforms into rows 0 .. 3 of a column, with the state in registers."""
     s0 = state[0, lane]
@@ -232,7 +233,7 @@ prints an exception and returns False.
 _function_at = address_as(types.ExternalFunctionPointer(_COLUMNS, int))
 
 
-@formula
+@internal
 def _limited(error: float) -> float:
     """Return an error of a law of the user, over sqrt(R), of a magnitude of at most a million, also
     of infinity and NaN.

@@ -8,16 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid_env.core.arrays import Float32Array, FloatArray
 from hybrid_env.core.banks.bank import estimate_of, likeliest
-from hybrid_env.core.compilation import formula, inlined, internal, seldom, stay_apart
+from hybrid_env.core.compilation import inlined, internal, seldom, stay_apart
 from hybrid_env.core.elementary import log
-from hybrid_env.core.memory import FloatArray, state_of
+from hybrid_env.core.memory import state_of
 from hybrid_env.core.motion import heading_vector
 
 # Lower clip of log-likelihood ratios and log-probabilities.
 LOG_FLOOR = -30.0
-# Clip of the magnitude of whitened innovations.
-LARGEST = 1e6
 # Clip of the values of the anchor, so that those of a diverged filter fit in a float32.
 LARGEST_ANCHOR = 1e30
 
@@ -34,7 +33,7 @@ innovations alone.
 BANK_ROW, RAW_ROW, STATE_ROW, INNOVATIONS_ROW = range(len(OBSERVATIONS))
 
 
-@formula
+@internal
 def heading_frame(x: float, y: float, heading_x: float, heading_y: float) -> tuple[float, float]:
     """Return the components of a vector along and across a heading; across is positive to the
     left.
@@ -46,13 +45,15 @@ def heading_frame(x: float, y: float, heading_x: float, heading_y: float) -> tup
 def innovation_in_frame(
     innovation: Any, lane: int, heading_x: float, heading_y: float
 ) -> tuple[float, float]:
-    """Return the clipped whitened innovation of one lane along and across a heading."""
-    x = max(min(innovation.white_x[lane], LARGEST), -LARGEST)
-    y = max(min(innovation.white_y[lane], LARGEST), -LARGEST)
+    """Return the whitened innovation of one lane along and across a heading, clipped to a million
+    in x and y.
+    """
+    x = max(min(innovation.white_x[lane], 1e6), -1e6)
+    y = max(min(innovation.white_y[lane], 1e6), -1e6)
     return heading_frame(x, y, heading_x, heading_y)
 
 
-@formula
+@internal
 def _displacement(block: Any, lane: int, x: float, y: float, setting: Any) -> tuple[float, float]:
     """Return a position relative to the anchor over sqrt(R), along and across its heading,
     scaled.
@@ -66,13 +67,13 @@ def _displacement(block: Any, lane: int, x: float, y: float, setting: Any) -> tu
     return LENGTH_SCALE * along, LENGTH_SCALE * across
 
 
-@formula
+@internal
 def _measured(block: Any, lane: int, setting: Any) -> float:
     """Return 1 if the present tick has a measurement, else 0."""
     return 0.0 if setting.irregular and math.isnan(block.measurement[0, lane]) else 1.0
 
 
-@formula
+@internal
 def _log_noise(block: Any, lane: int, setting: Any) -> float:
     """Return ln of the variance of the measurement over R, mean of the axes; 0 without one."""
     if not setting.irregular or math.isnan(block.measurement[0, lane]):
@@ -88,7 +89,7 @@ def log_error_probability(others: float) -> float:
     return max(log(others / (1.0 + others)), LOG_FLOOR)
 
 
-@formula
+@internal
 def mean_over_noise(value_x: float, value_y: float, variance_x: float, variance_y: float) -> float:
     """Return the mean over the axes of (covariance entry / R), clipped to +-`LARGEST_ANCHOR`."""
     mean = 0.5 * (value_x / variance_x + value_y / variance_y)
@@ -112,7 +113,7 @@ def write_trace(trace: FloatArray, block: Any, lane: int, active_mode: int) -> N
 
 @internal
 def write_segment(
-    row: NDArray[np.float32], block: Any, lane: int, curvatures: FloatArray, setting: Any
+    row: Float32Array, block: Any, lane: int, curvatures: FloatArray, setting: Any
 ) -> None:
     """Write the values that are constant over a segment. row: (6 M + 11,); curvatures: (M,) [1/m];
     setting: record `PARAMETERS`.
@@ -147,7 +148,7 @@ def mask_declarations(mask: NDArray[np.int8], others: float, setting: Any) -> No
 
 
 @internal
-def write_twin(row: NDArray[np.float32], block: Any, lane: int, bank: Any, setting: Any) -> None:
+def write_twin(row: Float32Array, block: Any, lane: int, bank: Any, setting: Any) -> None:
     """Write the row of a track at a tick where it is not that of the bank: the measurement alone,
     see `RawLayout`; the true mode and state, of a problem that is fully observed, see
     `StateLayout`; or the innovations alone, see `InnovationsLayout`.
@@ -191,7 +192,7 @@ def write_twin(row: NDArray[np.float32], block: Any, lane: int, bank: Any, setti
 
 @internal
 def write_tick(
-    row: NDArray[np.float32], block: Any, lane: int, scratch: Any, bank: Any, setting: Any
+    row: Float32Array, block: Any, lane: int, scratch: Any, bank: Any, setting: Any
 ) -> None:
     """Write the values of a row, (6 M + 11,), that change with every tick, after
     `posterior.compare`.
@@ -222,9 +223,7 @@ def write_tick(
 
 
 @internal
-def write_quickest_row(
-    row: NDArray[np.float32], block: Any, lane: int, bank: Any, setting: Any
-) -> None:
+def write_quickest_row(row: Float32Array, block: Any, lane: int, bank: Any, setting: Any) -> None:
     """Write the observation of a track with unknown switches, (6 M + 3,)."""
     M = bank.hypotheses.size
     speed, heading_x, heading_y = heading_vector(block.estimate[1, lane], block.estimate[3, lane])
@@ -248,9 +247,7 @@ def write_quickest_row(
 
 
 @internal
-def write_heights(
-    heights: Any, row: NDArray[np.float32], block: Any, lane: int, setting: Any
-) -> None:
+def write_heights(heights: Any, row: Float32Array, block: Any, lane: int, setting: Any) -> None:
     """Write the values at the end of a row that modes with a climb have besides, in the order of
     `Layout.height_features`.
     """
@@ -261,9 +258,7 @@ def write_heights(
 
 
 @seldom
-def _write_heights(
-    heights: Any, row: NDArray[np.float32], block: Any, lane: int, setting: Any
-) -> None:
+def _write_heights(heights: Any, row: Float32Array, block: Any, lane: int, setting: Any) -> None:
     """Do so where modes climb or descend."""
     stay_apart()
     M, last, kind = len(heights), setting.width - 1, setting.observation

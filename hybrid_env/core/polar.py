@@ -10,7 +10,7 @@ range * s^2.
 
 import math
 
-from hybrid_env.core.compilation import formula, inlined
+from hybrid_env.core.compilation import inlined, internal
 
 # x, y and their covariance xx, xy, yy.
 Position = tuple[float, float, float, float, float]
@@ -21,7 +21,7 @@ Information = tuple[float, float, float, float, float]
 RANGE_RATE, VELOCITY_X, VELOCITY_Y, RANGE, BEARING = range(5)
 
 
-@formula
+@internal
 def measured_value(kind: int, x: float, y: float, u: float, v: float) -> float:
     """Return what a sensor measures of a position relative to it [m] with a velocity [m/s]."""
     if kind == RANGE_RATE:
@@ -33,13 +33,13 @@ def measured_value(kind: int, x: float, y: float, u: float, v: float) -> float:
     return u if kind == VELOCITY_X else v
 
 
-@formula
+@internal
 def range_rate(x: float, y: float, u: float, v: float) -> float:
     """Return the range rate of a position relative to the radar [m] with a velocity [m/s]."""
     return (x * u + y * v) / max(math.hypot(x, y), 1e-300)
 
 
-@formula
+@internal
 def to_position(
     distance: float,
     along_x: float,

@@ -8,16 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_env.core.compilation import formula, internal, seldom, stay_apart
+from hybrid_env.core.arrays import AnyArray, FloatArray
+from hybrid_env.core.compilation import internal, seldom, stay_apart
 from hybrid_env.core.elementary import exp
-from hybrid_env.core.memory import (
-    SEGMENT_COLUMNS,
-    FloatArray,
-    Records,
-    arrays_of,
-    state_of,
-    write_lane,
-)
+from hybrid_env.core.memory import SEGMENT_COLUMNS, arrays_of, state_of, write_lane
 from hybrid_env.core.motion import (
     heading_vector,
     linear_motion,
@@ -65,7 +59,7 @@ def draw_first_estimate(block: Any, noise: FloatArray, lane: int, setting: Any) 
 
 @internal
 def begin_motion(
-    block: Any, lane: int, segment: FloatArray, motions: Records | None, tau: float
+    block: Any, lane: int, segment: FloatArray, motions: AnyArray | None, tau: float
 ) -> None:
     """Begin a segment, a row of the segment table: centre and turn rate follow from the true
     state of the lane, and so does the acceleration of a mode of the user. motions: `MOTION` of
@@ -123,9 +117,9 @@ def _move_linear(
     block.tick[lane] += 1
 
 
-@formula
+@internal
 def move_lane(
-    block: Any, lane: int, noise: FloatArray, column: int, motions: Records | None, setting: Any
+    block: Any, lane: int, noise: FloatArray, column: int, motions: AnyArray | None, setting: Any
 ) -> None:
     """Move the object of one lane by one tick and measure its position; column: that of the
     noise for this tick; motions: as in `begin_motion`.
@@ -157,8 +151,8 @@ def _sense(
     block: Any,
     lane: int,
     noise: FloatArray,
-    sensors: Records,
-    motions: Records | None,
+    sensors: AnyArray,
+    motions: AnyArray | None,
     setting: Any,
 ) -> None:
     """Move the object of one lane by one tick, and fuse the measurements of all sensors that have
@@ -256,8 +250,8 @@ def move(
     noise: FloatArray,
     first: int,
     last: int,
-    sensors: Records,
-    motions: Records | None,
+    sensors: AnyArray,
+    motions: AnyArray | None,
     setting: Any,
 ) -> None:
     """Move the objects of lanes first .. last - 1 by one tick and measure their positions, without

@@ -18,26 +18,26 @@ from hybrid_env.core.noise import integer_below, uniform
 from hybrid_env.core.observation_row import write_heights, write_quickest_row, write_trace
 from hybrid_env.core.true_object import begin_motion, draw_first_estimate, move
 
-# Halves of the table of durations.
-FIRST_DURATIONS, OTHER_DURATIONS = 0, 1
-
 
 @internal
 def _begin_segment(
-    block: Any, lane: int, i: int, mode: int, half: int, bank: Any, arrays: Any, setting: Any
+    block: Any, lane: int, i: int, mode: int, first: bool, bank: Any, arrays: Any, setting: Any
 ) -> None:
-    """Begin a segment of a mode; half: of the table of durations."""
+    """Begin a segment of a mode; first: of an episode, whose durations have the first half of their
+    table.
+    """
     block.true_mode[lane] = mode
     if setting.drawn_laws > 0:
         law = arrays.drawn_law[i, 1 if mode > 0 else 0]
         longest = setting.ticks + 1
-        if half == FIRST_DURATIONS and not setting.start_known:
+        if first and not setting.start_known:
             block.length[lane] = draw_remaining(block.random_state, lane, law, longest)
         else:
             block.length[lane] = draw_from_law(block.random_state, lane, law, longest)
     else:
         number = uniform(block.random_state, lane)
-        row = half * (arrays.durations.shape[0] // 2) + arrays.law_places[mode]
+        half = 0 if first else arrays.durations.shape[0] // 2
+        row = half + arrays.law_places[mode]
         # Of the durations 1, 2, ..., `ticks`; `ticks` + 1 stands for all that are longer.
         block.length[lane] = np.searchsorted(arrays.durations[row], number, "right") + 1
     block.tick[lane] = 0
@@ -57,7 +57,7 @@ def _begin_episode(block: Any, lane: int, i: int, bank: Any, arrays: Any, settin
     block.time[lane] = 0
     block.stated_mode[lane] = 0
     block.stated_ticks[lane] = 0
-    _begin_segment(block, lane, i, mode, FIRST_DURATIONS, bank, arrays, setting)
+    _begin_segment(block, lane, i, mode, True, bank, arrays, setting)
     operations.begin_imm(bank, block, lane, mode if setting.start_known else -1)
 
 
@@ -73,7 +73,7 @@ def _switch(block: Any, lane: int, i: int, bank: Any, arrays: Any, setting: Any)
         other = integer_below(block.random_state, lane, arrays.table.shape[0] - 1)
         mode = other + (1 if other >= before else 0)
     block.segment[lane] += 1
-    _begin_segment(block, lane, i, mode, OTHER_DURATIONS, bank, arrays, setting)
+    _begin_segment(block, lane, i, mode, False, bank, arrays, setting)
 
 
 @inlined

@@ -202,9 +202,9 @@ class EpisodeFigure:
             self._ribbons.set_extent((0.5, len(modes) + 0.5, -0.33, -0.05))
         for correct in (True, False):
             chosen = [
-                (decision.time - 1, decision.mode)
+                (decision["tick"] - 1, decision["decided_mode"])
                 for decision in history.decisions
-                if decision.correct == correct
+                if decision["correct"] == correct
             ]
             ticks, declared = np.array(chosen, int).reshape(-1, 2).T
             levels = np.clip(evidence[ticks, declared], *self.panel.limits)

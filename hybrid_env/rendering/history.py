@@ -3,7 +3,7 @@ one of stated modes. A declaration is a statement that begins at its tick and ho
 switch.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -13,22 +13,9 @@ from hybrid_env.model_options import ModelOptions
 from hybrid_env.rendering.evidence import EvidencePanel, probability_panel, sprt_panel
 
 
-class Decision(NamedTuple):
-    """One decision of the episode: its tick, 1 at the first measurement, and what `info` tells."""
-
-    time: int
-    mode: int
-    true_mode: int
-    correct: bool
-    forced: bool
-    ticks: int
-    length: int
-
-
 class History:
-    """All ticks of the running episode, with announced or with unknown switch moments. `decisions`
-    are the declarations so far, none with unknown switches. Without a panel the evidence in its
-    frames is that of the bank.
+    """All ticks of the running episode, with announced or with unknown switch moments. Without a
+    panel the evidence in its frames is that of the bank.
     """
 
     def __init__(self, options: ModelOptions, panel: EvidencePanel | None = None):
@@ -49,7 +36,9 @@ class History:
         """Discard the last episode; the first tick of a new one is added next."""
         self.episode += 1
         self.finished = False
-        self.decisions: list[Decision] = []
+        # Declarations so far: their `tick` in the episode, 1 at the first measurement, and what
+        # `info` tells; none with unknown switches.
+        self.decisions: list[dict[str, Any]] = []
         # Rows of `TRACE_COLUMNS` and the evidence; a stated mode is NaN before it is stated.
         self._parts: list[FloatArray] = []
 
@@ -70,15 +59,9 @@ class History:
                 rows[-1, active] = np.nan
             evidence = np.exp(info["log_probability"])
         if "decided_mode" in info:
-            names = (
-                "decided_mode",
-                "decided_true_mode",
-                "correct",
-                "forced",
-                "ticks",
-                "decided_length",
-            )
-            self.decisions.append(Decision(len(self.trace), *(info[name] for name in names)))
+            names = "decided_mode", "decided_true_mode", "correct", "ticks", "decided_length"
+            told = {name: info[name] for name in names}
+            self.decisions.append({"tick": len(self.trace), **told})
         self.finished = finished
         self.segment = info["segment"]
         self.tick = info["tick"]

@@ -37,7 +37,7 @@ def both() -> tuple[IMMFilter, Any]:
     return ours, IMMEstimator(peers, ours.probabilities[0], ours.transition(1.0))
 
 
-def agile(deviations: float, steps: int) -> tuple[float, float]:
+def agile(deviations: float, steps: int = 20) -> tuple[float, float]:
     """Return the probability of the agile model by filterpy and by ours, after measurements at 1
     m/s of which the last one lies some standard deviations from the prediction of this model.
     """
@@ -59,19 +59,12 @@ def agile(deviations: float, steps: int) -> tuple[float, float]:
 class Filters:
     """Put an outlier into the IMM filters of filterpy and of this study."""
 
-    deviations: tuple[float, ...] = (2.0, 5.0, 30.0, 40.0, 60.0)
-    """Standard deviations of the last measurement from the prediction of the agile model."""
-    steps: int = 20
-    """Number of measurements."""
-    quick: bool = False
-    """Two outliers after five measurements."""
     out: Path = Path("results")
     """Folder for filters.md and filters.json."""
 
     def run(self) -> None:
         """Print the table and write the files."""
-        deviations, steps = ((5.0, 60.0), 5) if self.quick else (self.deviations, self.steps)
-        rows = [(each, *agile(each, steps)) for each in deviations]
+        rows = [(deviations, *agile(deviations)) for deviations in (2.0, 5.0, 30.0, 40.0, 60.0)]
         heads = ["standard deviations", "P(agile), filterpy", "P(agile), here"]
         cells = [[f"{each:g}", f"{peer:.4f}", f"{ours:.4f}"] for each, peer, ours in rows]
         save_results(self.out / "filters", markdown_table(heads, cells), rows)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import gammaln
 
-from studies.filters.track_filter import FloatArray
+from studies.arrays import FloatArray
 
 LOG_TWO_PI = float(np.log(2.0 * np.pi))
 

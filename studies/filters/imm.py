@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike
 from scipy.special import logsumexp
 
 from baselines import mixture
+from studies.arrays import FloatArray
 from studies.filters.kalman import KalmanFilter, resized
-from studies.filters.track_filter import FloatArray, Moments, TrackFilter
+from studies.filters.track_filter import Moments, TrackFilter
 
 
 class IMMFilter(TrackFilter):

@@ -3,9 +3,10 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
+from studies.arrays import BoolArray, FloatArray
 from studies.filters.correction import StudentT, correct
 from studies.filters.motion_models import MotionModel
-from studies.filters.track_filter import BoolArray, FloatArray, Moments, TrackFilter
+from studies.filters.track_filter import Moments, TrackFilter
 
 
 class KalmanFilter(TrackFilter):

@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from studies.filters.track_filter import FloatArray
+from studies.arrays import FloatArray
 
 
 @dataclass(frozen=True)

@@ -1,30 +1,24 @@
 """A filter over the recorded positions of many tracks, and what filters and smoothers return."""
 
-import copy
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from studies.filters.track_filter import FloatArray, TrackFilter
+from studies.arrays import FloatArray
+from studies.filters.track_filter import TrackFilter
 
 
 @dataclass(frozen=True)
 class Estimates:
-    """Estimates for T ticks of B tracks in d dimensions. A single track has no axis B."""
+    """Estimates for T ticks of B tracks in d dimensions."""
 
     # (T, B, n) estimates after the measurement of each tick, NaN before a track begins.
     states: FloatArray
-    # (T, B, n, n) of the estimates; None if there are none or they were not kept.
+    # (T, B, n, n) of the estimates; None if the filter has none.
     covariances: FloatArray | None
-    # (T, B), see `TrackFilter.log_likelihood`
-    log_likelihoods: FloatArray
     # Number of values per axis of a state, m.
     order: int
-    # Estimates of the state some time ahead, see `horizons` of `run_filter`.
-    forecasts: tuple["Estimates", ...] = ()
 
     @property
     def positions(self) -> FloatArray:
@@ -39,52 +33,36 @@ class Estimates:
 
 def run_filter(
     track_filter: TrackFilter,
-    measurements: ArrayLike,
+    measurements: FloatArray,
     times: ArrayLike,
     *,
     noises: FloatArray | None = None,
     begun: float | None = None,
-    keep_covariances: bool = True,
-    horizons: Sequence[float] = (),
 ) -> Estimates:
     """Run a filter over recorded positions.
 
     Args:
         track_filter: any filter.
-        measurements: (T, B, d) positions [m], NaN where there is none, or (T, d) of a single track.
+        measurements: (T, B, d) positions [m], NaN where there is none.
         times: (T,) or (T, B) [s], not decreasing. The same time twice has measurements of two
             sensors.
         noises: covariances of the measurements [m^2] in the place of that of the filter, (T, d, d)
             or (T, B, d, d).
         begun: time of the present estimates of the filter [s], see `KalmanFilter.begin_from`; None
             begins each track with its first measurement.
-        keep_covariances: False leaves the covariances out, which take the most memory.
-        horizons: times ahead of each tick for which the state is forecast [s].
     """
-    values = np.asarray(measurements, float)
-    single = values.ndim == 2
-    values = values[:, None] if single else values
-    tracks = values.shape[1]
     moments = np.asarray(times, float)
     if begun is None:
-        track_filter.begin(tracks)
+        track_filter.begin(measurements.shape[1])
     first = moments[:1] if begun is None else np.full_like(moments[:1], begun)
     steps = np.diff(moments, axis=0, prepend=first)
-    kept = keep_covariances and track_filter.covariance is not None
-    written: list[list[Any]] = [[] for _ in range(1 + len(horizons))]
+    states = []
+    covariances = []
     for k, step in enumerate(steps):
         track_filter.predict(step)
-        track_filter.update(values[k], None if noises is None else noises[k])
-        later = [copy.deepcopy(track_filter) for _ in horizons]
-        for horizon, forecast in zip(horizons, later, strict=True):
-            forecast.predict(horizon)
-        for rows, each in zip(written, (track_filter, *later), strict=True):
-            covariance = np.array(each.covariance) if kept else np.empty(tracks)
-            rows.append((each.state.copy(), covariance, each.log_likelihood))
-    results = []
-    for rows in written:
-        arrays = [np.stack(column) for column in zip(*rows, strict=True)]
-        states, covariances, logs = [array[:, 0] for array in arrays] if single else arrays
-        spread = covariances if kept else None
-        results.append(Estimates(states, spread, logs, track_filter.order))
-    return replace(results[0], forecasts=tuple(results[1:]))
+        track_filter.update(measurements[k], None if noises is None else noises[k])
+        states.append(track_filter.state.copy())
+        if track_filter.covariance is not None:
+            covariances.append(track_filter.covariance.copy())
+    spreads = np.stack(covariances) if covariances else None
+    return Estimates(np.stack(states), spreads, track_filter.order)

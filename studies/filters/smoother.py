@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from studies.arrays import FloatArray
 from studies.filters.kalman import propagate
 from studies.filters.motion_models import MotionModel
 from studies.filters.run_filter import Estimates
-from studies.filters.track_filter import FloatArray
 
 
 def smooth(model: MotionModel, filtered: Estimates, times: ArrayLike) -> Estimates:

@@ -4,11 +4,8 @@ measurements.
 
 from abc import ABC, abstractmethod
 
-import numpy as np
-from numpy.typing import NDArray
+from studies.arrays import FloatArray
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 # Means and covariances.
 Moments = tuple[FloatArray, FloatArray]
 

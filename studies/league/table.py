@@ -11,8 +11,7 @@ from matplotlib.figure import Figure
 
 from baselines import Statistic
 from studies.league.protocol import BANK, QUICKEST, THREE, WORLDS, read_entry, scores_of
-from studies.pictures import draw_estimates
-from studies.results import with_half
+from studies.results import draw_estimates, with_half
 
 REWARD = Statistic(("reward",), lambda means: means)
 Entry = Mapping[str, Any]

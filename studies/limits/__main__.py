@@ -24,8 +24,6 @@ class Limits:
     """
     episodes: int = 3000
     """Number of episodes per rule; a third as many others serve to select thresholds."""
-    seed: int = 0
-    """Seed of the first episode, below 10^9."""
     jobs: int = -1
     """Number of processes; -1 for one on each core. The results do not depend on it."""
     quick: bool = False
@@ -36,14 +34,10 @@ class Limits:
     def run(self) -> None:
         """Evaluate the rules, print the tables and write the files."""
         episodes = 10 if self.quick else self.episodes
-        run = episodes, self.seed
-        if self.bound:
-            parts = {"bound": study.bound_calls(*run, self.quick)}
-        else:
-            parts = study.calls(self.unknown, *run, self.quick)
+        parts = study.calls(self.unknown and not self.bound, episodes, self.quick)
         rows = {}
-        for part, calls in parts.items():
-            results = in_parallel(calls, self.jobs, part)
+        for part in ("bound",) if self.bound else parts:
+            results = in_parallel(parts[part], self.jobs, part)
             rows[part] = [row for result in results for row in result]
         picture = report.figure(rows["rules"]) if "rules" in rows else None
         save_results(self.out / "limits", report.markdown(rows), rows, picture)

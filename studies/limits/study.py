@@ -16,7 +16,7 @@ from hybrid_env import HybridTrackVectorEnv, Layout
 THREE, BANK, QUICKEST = (
     f"HybridTrack{part}-v0" for part in ("Published", "PublishedBank", "Quickest")
 )
-# Thresholds are selected on episodes from this seed on; reported ones have smaller seeds.
+# Thresholds are selected on episodes from this seed on; reported ones begin at 0.
 SELECTION = 1_000_000_000
 BANKS = ("published", "anchor_aware", "oracle")
 # Decider and changed options of each step for announced switches, with more and more information.
@@ -49,12 +49,7 @@ CALIBRATION_BANKS: dict[str, dict[str, Any]] = {
 Row = dict[str, Any]
 
 
-def noise_levels(quick: bool) -> tuple[float, ...]:
-    """Return the levels R [m^2] that are evaluated."""
-    return (0.1,) if quick else (0.01, 0.1, 1.0)
-
-
-def calls(unknown: bool, episodes: int, seed: int, quick: bool = False) -> dict[str, list[Any]]:
+def calls(unknown: bool, episodes: int, quick: bool) -> dict[str, list[Any]]:
     """Return the `joblib.delayed` calls of the study by its parts; every call returns a list of
     rows.
 
@@ -64,35 +59,34 @@ def calls(unknown: bool, episodes: int, seed: int, quick: bool = False) -> dict[
     Args:
         unknown: whether switch moments are unknown; else both environments with known ones are
             evaluated.
-        episodes, seed: number of episodes, and seed of the first one.
+        episodes: number of episodes.
         quick: whether only one noise level is evaluated, with three hypotheses or one law.
     """
-    noises = noise_levels(quick)
-    run = episodes, seed
+    # R [m^2]
+    noises = (0.1,) if quick else (0.01, 0.1, 1.0)
     if unknown:
         laws = ("uniform 50-100",) if quick else ("25 + geometric 50", "uniform 50-100")
-        return {"steps": [delayed(unknown_steps)(*place, *run) for place in product(laws, noises)]}
+        return {
+            "steps": [delayed(unknown_steps)(*place, episodes) for place in product(laws, noises)]
+        }
     rules = {THREE: ("ate", "msprt"), BANK: ("ate", "msprt-type", "msprt")}
     places = list(product([THREE] if quick else rules, noises))
     return {
-        "bound": bound_calls(*run, quick),
-        "steps": [delayed(announced_steps)(*place, *run) for place in places],
+        "bound": [
+            delayed(bound_rows)(*place, episodes)
+            for place in product(BOUNDED[: 1 if quick else None], noises, GRIDS)
+        ],
+        "steps": [delayed(announced_steps)(*place, episodes) for place in places],
         "rules": [
-            delayed(rule_on_bank)(*place, bank, rule, *run)
+            delayed(rule_on_bank)(*place, bank, rule, episodes)
             for place in places
             for bank, rule in product(BANKS, rules[place[0]])
         ],
         "calibration": [
-            delayed(bank_calibration)(bank, noise, seed, 1000 if quick else 10_000)
+            delayed(bank_calibration)(bank, noise, 1000 if quick else 10_000)
             for bank, noise in product(CALIBRATION_BANKS, noises)
         ],
     }
-
-
-def bound_calls(episodes: int, seed: int, quick: bool) -> list[Any]:
-    """Return the calls of the part "bound", as `calls`."""
-    places = product(BOUNDED[: 1 if quick else None], noise_levels(quick), GRIDS)
-    return [delayed(bound_rows)(*place, episodes, seed) for place in places]
 
 
 def best_threshold(task: Task, decider: Any, episodes: int) -> int:
@@ -125,23 +119,23 @@ def step_rows(
     ]
 
 
-def bound_rows(env_id: str, noise: float, every: int, episodes: int, seed: int) -> list[Row]:
+def bound_rows(env_id: str, noise: float, every: int, episodes: int) -> list[Row]:
     """Return the rewards of what needs no learning, of the best rule and of a learned stop at a
     noise level, with decisions every so many ticks, each less the bound, and the bound.
     """
     task = task_of(env_id, {"measurement_variance": noise, "decide_every": every})
-    bound = bound_scores(task, episodes, seed)
+    bound = bound_scores(task, episodes, 0)
     steps = {}
     for name in ("at-once", task.deciders[-1], "shipped"):
         decider = find_decider(name, task.options)
         threshold = decider.thresholds[best_threshold(task, decider, episodes)]
-        steps[decider.title] = sweep(task, decider, episodes, seed, thresholds=(threshold,))
+        steps[decider.title] = sweep(task, decider, episodes, 0, thresholds=(threshold,))
     place = f"{env_id}, a decision " + ("at every tick" if every == 1 else f"every {every} ticks")
     compared = [bound] * len(steps) + [None]
     return step_rows(task, place, noise, {**steps, "bound": bound}, compared)
 
 
-def announced_steps(env_id: str, noise: float, episodes: int, seed: int) -> list[Row]:
+def announced_steps(env_id: str, noise: float, episodes: int) -> list[Row]:
     """Evaluate every step for announced switches at a noise level."""
     steps = {}
     for step, (name, changes) in STEPS.items():
@@ -149,20 +143,18 @@ def announced_steps(env_id: str, noise: float, episodes: int, seed: int) -> list
         by_type = name == "msprt" and task.options.correctness == "type"
         decider = find_decider("msprt-type" if by_type else name, task.options)
         threshold = decider.thresholds[best_threshold(task, decider, episodes)]
-        steps[step] = sweep(task, decider, episodes, seed, thresholds=(threshold,))
+        steps[step] = sweep(task, decider, episodes, 0, thresholds=(threshold,))
     return step_rows(task, env_id, noise, steps)
 
 
-def rule_on_bank(
-    env_id: str, noise: float, bank: str, rule: str, episodes: int, seed: int
-) -> list[Row]:
+def rule_on_bank(env_id: str, noise: float, bank: str, rule: str, episodes: int) -> list[Row]:
     """Evaluate a rule on a bank at a noise level, at all thresholds."""
     task = task_of(env_id, {"measurement_variance": noise, "bank": bank})
     # ATE itself brings the published bank.
     name = "sprt" if rule == "ate" and bank != "published" else rule
     decider = find_decider(name, task.options)
     best = best_threshold(task, decider, episodes)
-    curve = sweep(task, decider, episodes, seed)
+    curve = sweep(task, decider, episodes, 0)
     times = {
         metric.name.replace("ticks_at", "time"): curve.estimate(metric.statistic)
         for metric in task.levels(curve, decider.thresholds[best])
@@ -174,7 +166,7 @@ def rule_on_bank(
 
 
 def bank_calibration(
-    bank: str, noise: float, seed: int, episodes: int, ticks: tuple[int, ...] = (2, 5, 10, 20, 40)
+    bank: str, noise: float, episodes: int, ticks: tuple[int, ...] = (2, 5, 10, 20, 40)
 ) -> list[Row]:
     """Return the calibration of the posterior of a bank after numbers of ticks without a decision,
     at a noise level on HybridTrackPublished-v0.
@@ -190,7 +182,7 @@ def bank_calibration(
     stated = np.full((len(ticks), episodes, segments), np.nan)
     right = np.zeros(stated.shape, np.bool_)
     running = np.ones(episodes, np.bool_)
-    for now in rollout(env, lambda rows: np.zeros(len(rows), np.int64), seed):
+    for now in rollout(env, lambda rows: np.zeros(len(rows), np.int64), 0):
         running &= ~(now.terminated & (now.step > 0))
         if not running.any():
             break
@@ -219,11 +211,11 @@ def _calibration(stated: Any, right: Any) -> Row:
     return {"right": right.mean(), "stated": stated.mean(), "worst": worst}
 
 
-def unknown_steps(law: str, noise: float, tracks: int, seed: int) -> list[Row]:
+def unknown_steps(law: str, noise: float, tracks: int) -> list[Row]:
     """Evaluate every step for unknown switches for a law and a noise level, on the same tracks."""
     task = task_of(QUICKEST, {"durations": law, "measurement_variance": noise})
     selection = _curves(task, max(tracks // 3, 50), SELECTION)
-    curves = _curves(task, tracks, seed)
+    curves = _curves(task, tracks, 0)
     steps = {step: curve.at(task.best(selection[step])) for step, curve in curves.items()}
     return step_rows(task, f"durations {law}", noise, steps)
 

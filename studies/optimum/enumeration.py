@@ -13,9 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env import QuickestOptions
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from studies.arrays import FloatArray, IntArray
 
 
 def curvatures(options: QuickestOptions) -> FloatArray:

@@ -1,25 +1,21 @@
 """Rules and the shipped agent beside the exact posterior, on the same tracks."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 from joblib import delayed
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from agents import find_decider, task_of
 from baselines import Estimate, Scores, Statistic, ThresholdDecider, record_in, rollout
 from hybrid_env import HybridTrackQuickestVectorEnv, QuickestOptions
+from studies.arrays import FloatArray, IntArray
 from studies.optimum.enumeration import history_posteriors, path_posteriors
-from studies.pictures import draw_estimates
-from studies.results import in_parallel, markdown_table, with_half
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from studies.results import draw_estimates, in_parallel, markdown_table, with_half
 
 # Thresholds are selected on tracks from this seed on; reported ones have smaller seeds.
 SELECTION = 1_000_000_000
@@ -32,30 +28,16 @@ EXACT, BOUND, AGENT = "exact posterior", "upper bound", "shipped"
 RULES = {"IMM": "threshold", "beam": "beam"}
 
 
-# Tracks on which the number of nodes is checked.
-CHECKED = 10
-
-
-@dataclass(frozen=True)
-class World:
-    """Tracks of which the exact posterior can be computed."""
-
-    title: str
-    options: dict[str, Any]
-
-
-WORLDS = {
-    "paths": World(
-        "12 ticks without process noise",
-        {
-            "ticks": 12,
-            "tau": 0.5,
-            "durations": "geometric 6",
-            "start": "random",
-            "process_variance": 0.0,
-        },
-    ),
-    "default": World("the first 65 ticks of the environment", {"ticks": 65}),
+# Tracks of which the exact posterior can be computed.
+WORLDS: dict[str, dict[str, Any]] = {
+    "12 ticks without process noise": {
+        "ticks": 12,
+        "tau": 0.5,
+        "durations": "geometric 6",
+        "start": "random",
+        "process_variance": 0.0,
+    },
+    "the first 65 ticks of the environment": {"ticks": 65},
 }
 # A row of a table, as in JSON: world, noise level R [m^2], figure, decider, and values.
 Row = dict[str, Any]
@@ -79,7 +61,7 @@ def environment(options: QuickestOptions, tracks: int) -> HybridTrackQuickestVec
     )
 
 
-def record(options: QuickestOptions, tracks: int, seed: int, nodes: int) -> Recorded:
+def record(options: QuickestOptions, tracks: int, seed: int) -> Recorded:
     """Return the true modes and the posteriors of IMM, beam and all histories."""
     env = environment(options, tracks)
     imm, beam = (find_decider(name, options) for name in RULES.values())
@@ -94,12 +76,12 @@ def record(options: QuickestOptions, tracks: int, seed: int, nodes: int) -> Reco
     true_modes = np.array(modes)
     measurements = np.stack(points, axis=1)
     logs = {name: np.log(values) for name, values in zip(RULES, (read, kept), strict=True)}
-    exact = exact_posteriors(options, measurements, true_modes[0], nodes)
+    exact = exact_posteriors(options, measurements, true_modes[0])
     return Recorded(true_modes, measurements, {EXACT: exact, **logs})
 
 
 def exact_posteriors(
-    options: QuickestOptions, measurements: FloatArray, first: IntArray, nodes: int
+    options: QuickestOptions, measurements: FloatArray, first: IntArray, nodes: int = 7
 ) -> FloatArray:
     """Return the logarithms of the posteriors of the modes, (T, N, M), from measurements (N, T,
     2); the first modes (N,) are used where the bank knows them as well.
@@ -144,10 +126,10 @@ def scores_of(
 
 
 def all_scores(
-    options: QuickestOptions, tracks: int, seed: int, nodes: int
+    options: QuickestOptions, tracks: int, seed: int
 ) -> tuple[Recorded, dict[str, Scores]]:
     """Return what was recorded, and the scores of all deciders at all their thresholds."""
-    recorded = record(options, tracks, seed, nodes)
+    recorded = record(options, tracks, seed)
     scores = {}
     for name, logs in recorded.logs.items():
         rule = ThresholdDecider.create(options)
@@ -194,35 +176,32 @@ def divergence(exact: FloatArray, logs: FloatArray) -> Estimate:
     return scores.estimate(mean("divergence"))
 
 
-def checks(recorded: Recorded, options: QuickestOptions, nodes: int) -> list[Row]:
+def checks(recorded: Recorded, options: QuickestOptions, tracks: int = 10) -> list[Row]:
     """Return the divergence of the approximate posteriors from the exact one, and with process
-    noise that of the exact one from one with more nodes.
+    noise that of the exact one, on some tracks, from one with more nodes.
     """
     exact = recorded.logs[EXACT]
     compared = {name: divergence(exact, recorded.logs[name]) for name in RULES}
     if options.process_variance > 0.0:
         finer = exact_posteriors(
-            options,
-            recorded.measurements[:CHECKED],
-            recorded.true_modes[0, :CHECKED],
-            2 * nodes + 1,
+            options, recorded.measurements[:tracks], recorded.true_modes[0, :tracks], nodes=15
         )
-        compared[f"{nodes} nodes, from {2 * nodes + 1}"] = divergence(finer, exact[:, :CHECKED])
+        compared["7 nodes, from 15"] = divergence(finer, exact[:, :tracks])
     return [
         {"figure": "divergence", "decider": name, "value": value}
         for name, value in compared.items()
     ]
 
 
-def evaluate(world: str, noise: float, tracks: int, seed: int, nodes: int) -> list[Row]:
+def evaluate(world: str, noise: float, tracks: int) -> list[Row]:
     """Return rows of all deciders in a world at a noise level.
 
     Every threshold is the one with the largest mean reward on a third as many other tracks.
     """
-    given = KNOWN_START | WORLDS[world].options | {"measurement_variance": noise}
+    given = KNOWN_START | WORLDS[world] | {"measurement_variance": noise}
     options = task_of(QUICKEST, given).options
-    _, chosen = all_scores(options, max(tracks // 3, 20), SELECTION, nodes)
-    recorded, scores = all_scores(options, tracks, seed, nodes)
+    _, chosen = all_scores(options, max(tracks // 3, 20), SELECTION)
+    recorded, scores = all_scores(options, tracks, 0)
     place = {"world": world, "noise": noise}
     rows = []
     for cost in COSTS:
@@ -248,17 +227,16 @@ def evaluate(world: str, noise: float, tracks: int, seed: int, nodes: int) -> li
         "decider": EXACT,
         "value": scores[EXACT].estimate(mean("counted"), 0),
     }
-    rows += [place | row for row in (counted, *checks(recorded, options, nodes))]
+    rows += [place | row for row in (counted, *checks(recorded, options))]
     return rows
 
 
-def evaluate_all(
-    worlds: Sequence[str], noises: Sequence[float], tracks: int, seed: int, nodes: int, jobs: int
-) -> list[Row]:
-    """Return the rows of worlds and noise levels."""
-    calls = [
-        delayed(evaluate)(world, noise, tracks, seed, nodes) for world in worlds for noise in noises
-    ]
+def evaluate_all(quick: bool, jobs: int) -> list[Row]:
+    """Return the rows of all worlds and noise levels, or of few tracks of the first one at one
+    level.
+    """
+    places = [(next(iter(WORLDS)), 0.1)] if quick else product(WORLDS, (0.01, 0.1, 1.0))
+    calls = [delayed(evaluate)(*place, 20 if quick else 150) for place in places]
     return [row for rows in in_parallel(calls, jobs, "worlds") for row in rows]
 
 
@@ -271,7 +249,7 @@ def markdown(rows: Sequence[Row]) -> str:
         lines = []
         for names, of_decider in here.groupby(["figure", "decider"], sort=False):
             lines.append([*names, *(cell(row) for row in of_decider.to_dict("records"))])
-        text += [f"### {WORLDS[world].title}\n", markdown_table(head, lines)]
+        text += [f"### {world}\n", markdown_table(head, lines)]
     return "\n".join(text)
 
 
@@ -305,7 +283,7 @@ def figure(rows: Sequence[Row]) -> Figure:
                 capsize=3.0,
                 label=name,
             )
-        axes.set(title=WORLDS[world].title, xlabel="measurement variance R [m²]")
+        axes.set(title=world, xlabel="measurement variance R [m²]")
         axes.set_xticks(range(len(noises)), [f"{noise:g}" for noise in noises])
     every[0].set_ylabel("share of right ticks, less the optimum")
     handles, labels = every[-1].get_legend_handles_labels()

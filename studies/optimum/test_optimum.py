@@ -12,7 +12,7 @@ from hybrid_env import HybridTrackQuickestVectorEnv, QuickestOptions, simulate
 from studies.optimum.enumeration import history_posteriors, path_posteriors
 from studies.optimum.study import KNOWN_START, WORLDS, bound_scores
 
-PATHS = WORLDS["paths"].options | KNOWN_START | {"measurement_variance": 0.1}
+PATHS = WORLDS["12 ticks without process noise"] | KNOWN_START | {"measurement_variance": 0.1}
 
 
 def path_of(modes, tau):

@@ -1,7 +1,6 @@
 """Published tables next to reproduced ones: `python -m studies.papers`."""
 
 import sys
-import time
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -13,8 +12,6 @@ from agents import run_command
 from studies.papers.published import summary, to_markdown
 from studies.results import save_results
 
-Paper = Literal["zimchuk", "golubkov2018", "tsyganov2019", "golubkov2020"]
-
 
 @dataclass(kw_only=True)
 class Reproduce:
@@ -24,17 +21,13 @@ class Reproduce:
     paper's size, and writes the tables.
     """
 
-    papers: Annotated[tuple[Paper, ...], tyro.conf.Positional] = (
-        "golubkov2018",
-        "tsyganov2019",
-        "golubkov2020",
-        "zimchuk",
-    )
+    papers: Annotated[
+        tuple[Literal["zimchuk", "golubkov2018", "tsyganov2019", "golubkov2020"], ...],
+        tyro.conf.Positional,
+    ] = ("golubkov2018", "tsyganov2019", "golubkov2020", "zimchuk")
     """Papers to reproduce."""
     runs: int | None = None
     """Number of runs of each study, at least 2; 1000 by default. Golubkov and Tsyganov used 100."""
-    seed: int = 0
-    """Seed of the simulated recordings."""
     out: Path = Path("results/papers")
     """Output folder for the tables (Markdown and JSON)."""
     quick: bool = False
@@ -46,11 +39,8 @@ class Reproduce:
         results = []
         for paper in self.papers:
             study = import_module(f"studies.papers.{paper}")
-            begun = time.perf_counter()
-            result = study.reproduce(**({} if runs is None else {"runs": runs}), seed=self.seed)
-            path = self.out / paper
-            save_results(path, to_markdown(result), result.as_json())
-            print(f"Computed in {time.perf_counter() - begun:.1f} s.\n")
+            result = study.reproduce(*[runs] * (runs is not None))
+            save_results(self.out / paper, to_markdown(result), result.as_json())
             results.append(result)
         (self.out / "reproduction.md").write_text(summary(results), encoding="utf-8")
         print(f"Summary: {self.out / 'reproduction.md'}")

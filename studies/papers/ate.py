@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from baselines import sprt_thresholds
+from studies.arrays import FloatArray, IntArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 # From a state [x, vx, y, vy] to position and velocity as complex numbers.
 PLANE = np.array([[1.0, 0.0], [0.0, 1.0], [1.0j, 0.0], [0.0, 1.0j]])
 
@@ -31,14 +30,12 @@ class Tracks(NamedTuple):
         decided: (n, K) decided mode of each segment.
         ticks: (n, K) decision time since the switch [ticks]; the segment length if undecided.
         undecided: (n, K) True if the segment ended without a decision.
-        ratios: (n, T, M) log-likelihood ratios to the active hypothesis, NaN after the decision.
     """
 
     estimates: FloatArray
     decided: IntArray
     ticks: IntArray
     undecided: NDArray[np.bool_]
-    ratios: FloatArray
 
 
 class PublishedFilters:
@@ -107,7 +104,7 @@ class PublishedFilters:
 def track_ate(
     measurements: FloatArray,
     lengths: Sequence[int] | IntArray,
-    start: ArrayLike | None = None,
+    start: ArrayLike,
     *,
     radii: ArrayLike = (5.0,),
     tau: float = 0.1,
@@ -121,7 +118,7 @@ def track_ate(
         measurements: (n, T, 2) measured positions of n runs [m].
         lengths: (K,) segment lengths [ticks], with sum T.
         start: (4,) or (n, 4) estimate [x, vx, y, vy] one tick before the first measurement [m,
-            m/s]; None uses `first_estimate`.
+            m/s].
         radii: turn radii of the bank [m].
         tau: length of a tick [s].
         process_variance: Q [m^2/s^2].
@@ -129,8 +126,7 @@ def track_ate(
         options: of `_run_ate`.
     """
     filters = PublishedFilters(radii, tau, process_variance, measurement_variance)
-    starts = first_estimate(measurements, tau) if start is None else np.asarray(start, float)
-    starts = np.broadcast_to(starts, (len(measurements), 4))
+    starts = np.broadcast_to(np.asarray(start, float), (len(measurements), 4))
     return _run_ate(filters, measurements, lengths, starts, **options)
 
 
@@ -141,18 +137,16 @@ def _run_ate(
     starts: FloatArray,
     *,
     alpha: float = 1e-3,
-    undecided: Literal["keep", "likeliest"] = "keep",
     recalculation: Literal["none", "as_published", "rewind", "literal"] = "none",
     reference: Literal["active", "straight"] = "active",
 ) -> Tracks:
-    """Estimate trajectories with the test of Golubkov 2018, algorithm 1.
+    """Estimate trajectories with the test of Golubkov 2018, algorithm 1. The last decided mode is
+    kept in a segment without a decision.
 
     Args:
         filters, measurements, lengths: as of `track_ate`.
         starts: (n, 4) estimates one tick before the first measurement; P is the identity.
         alpha: error probability of both types.
-        undecided: mode of a segment that ends without a decision: "keep" for the last decided mode,
-            as published, "likeliest" for the most likely hypothesis.
         recalculation: whether the chosen filter recomputes the estimates from the switch to the
             decision (Tsyganov 2019, lines 16 to 21). "literal" restores nothing, as these lines are
             printed. "as_published", with which the published table comes out, restores the estimate
@@ -177,14 +171,13 @@ def _run_ate(
         ticks = np.full(runs.size, part.shape[1])
         # Numbers of the chosen filter at the decision.
         numbers = np.zeros((runs.size, 1, 9), np.complex128)
-        outputs, ratios_of, every = [], [], []
+        outputs, every = [], []
         for k, measured in enumerate(part.swapaxes(0, 1), start=1):
             filters.step(measured)
             likelihood = filters.log_likelihood
             every.append(filters.estimates)
             outputs.append(every[-1][runs, active])
             ratio = likelihood - likelihood[runs, first][:, None]
-            ratios_of.append(np.where(done[:, None], np.nan, ratio))
             tested = running & (np.arange(shape[1]) != first[:, None])
             largest = np.where(tested, ratio, -np.inf)
             running = running & (ratio > lower)
@@ -196,8 +189,6 @@ def _run_ate(
             done = done | new
             if recalculation in ("as_published", "literal"):
                 numbers[new, 0] = filters.numbers[new, chosen[new]]
-        if undecided == "likeliest":
-            active = np.where(done, active, likelihood.argmax(1))
         output, last = np.stack(outputs, axis=1), every[-1][runs, active]
         if recalculation == "rewind":
             before = (np.arange(part.shape[1]) < ticks[:, None]) & done[:, None]
@@ -214,23 +205,7 @@ def _run_ate(
                 output[done, k] = alone.estimates[done, 0]
             last = np.where(done[:, None], output[:, -1], last)
         anchor = last
-        results.append((output, active, ticks, ~done, np.stack(ratios_of, axis=1)))
-    estimates, *of_segments, of_ticks = zip(*results, strict=True)
+        results.append((output, active, ticks, ~done))
+    estimates, *of_segments = zip(*results, strict=True)
     decided, times, missed = (np.stack(parts, axis=1) for parts in of_segments)
-    ratios = np.concatenate(of_ticks, axis=1)
-    return Tracks(np.concatenate(estimates, axis=1), decided, times, missed, ratios)
-
-
-def first_estimate(measurements: FloatArray, tau: float) -> FloatArray:
-    """Fit a straight line to the first ten measurements by least squares.
-
-    Args:
-        measurements: (n, T, 2) measured positions of n runs [m].
-        tau: length of a tick [s].
-
-    Returns:
-        (n, 4) estimates [x, vx, y, vy] one tick before the first measurement [m, m/s].
-    """
-    times = tau * np.arange(1, min(10, measurements.shape[1]) + 1)
-    weights = np.linalg.pinv(np.stack([np.ones_like(times), times], axis=1))
-    return (weights @ measurements[:, : times.size]).swapaxes(-1, -2).reshape(-1, 4)
+    return Tracks(np.concatenate(estimates, axis=1), decided, times, missed)

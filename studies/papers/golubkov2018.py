@@ -20,14 +20,8 @@ import numpy as np
 import pandas as pd
 
 from hybrid_env import Simulation
-from studies.papers.published import (
-    Finding,
-    FloatArray,
-    Reproduction,
-    intervals,
-    rmse_row,
-    table_row,
-)
+from studies.arrays import FloatArray
+from studies.papers.published import Finding, Reproduction, intervals, rmse_row, table_row
 from studies.papers.setting import GOLUBKOV_2018 as SETTING
 
 KNOWN_MODES = "Table 2, RMSE with known modes"

@@ -18,7 +18,8 @@ import numpy as np
 
 from baselines import RestartDecider, sprt_thresholds
 from hybrid_env import QuickestOptions
-from studies.papers.published import FloatArray, IntArray, Reproduction, table_row
+from studies.arrays import FloatArray, IntArray
+from studies.papers.published import Reproduction, table_row
 from studies.papers.setting import GOLUBKOV_2020 as SETTING
 from studies.papers.setting import Setting
 

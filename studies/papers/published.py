@@ -10,12 +10,10 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from studies.arrays import FloatArray
 from studies.results import markdown_table
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 # A result beyond the tables: quantity, value, and what the paper claims of it, if anything.
 Finding = tuple[str, str, str]
 

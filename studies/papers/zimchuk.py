@@ -11,11 +11,11 @@ a manoeuvre about three times better than the Kalman filter.
 
 import numpy as np
 
+from studies.arrays import FloatArray
 from studies.filters.kalman import KalmanFilter
 from studies.filters.motion_models import MotionModel
 from studies.filters.run_filter import run_filter
-from studies.filters.track_filter import TrackFilter
-from studies.papers.published import FloatArray, Reproduction, intervals, table_row
+from studies.papers.published import Reproduction, intervals, table_row
 
 # Length of a tick [s], and R [m^2].
 TAU, VARIANCE = 0.1, 25.0
@@ -33,19 +33,6 @@ def true_position() -> FloatArray:
     after = np.maximum(TIMES - 30.0, 0.0)
     growing = np.maximum(TIMES - 50.0, 0.0)
     return 100.0 * TIMES + 10.0 * turning**2 + 200.0 * after + growing**3 / 3.0
-
-
-def kalman(deviation: float) -> TrackFilter:
-    """Return the Kalman filter CV with a deviation of the acceleration in a step [m/s^2], whose
-    start has a deviation of 1000 m/s.
-    """
-    model = MotionModel("CV", axes=3, noise=deviation**2, discretization="discrete")
-    return KalmanFilter(model, VARIANCE, start_deviations=(1000.0,))
-
-
-def positions_of(kind: TrackFilter, measured: FloatArray) -> FloatArray:
-    """Positions of a filter, as the measurements (T, n, d)."""
-    return run_filter(kind, measured, TIMES, keep_covariances=False).positions
 
 
 def adaptive_positions(measured: FloatArray, limited: bool = True) -> FloatArray:
@@ -99,9 +86,12 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
     truth = true_position()[:, None, None]
     noise = np.random.default_rng(seed).normal(0.0, np.sqrt(VARIANCE), (TIMES.size, runs, 3))
     measurements = truth + noise
+    # A deviation of the acceleration in a step, and one of the first velocity.
+    model = MotionModel("CV", axes=3, noise=4.64**2, discretization="discrete")
+    kalman = KalmanFilter(model, VARIANCE, start_deviations=(1000.0,))
     results = {
         ADAPTIVE: adaptive_positions(measurements),
-        SLOW: positions_of(kalman(4.64), measurements),
+        SLOW: run_filter(kalman, measurements, TIMES).positions,
         "measurements": measurements,
         "adaptive, without limits": adaptive_positions(measurements, limited=False),
     }

@@ -11,7 +11,7 @@ from agents import run_command
 from hybrid_env import ArgumentError
 from studies.radar.dataset import load_radar_data, write_radar_data
 from studies.radar.flights import FLIGHTS
-from studies.radar.scores import radar_figure, radar_json, radar_tables, score_radar_data
+from studies.radar.scores import radar_tables, score_radar_data
 from studies.radar.tuning import TRIALS
 from studies.results import save_results
 
@@ -48,8 +48,7 @@ class Radar:
             print(f"Data {self.out}: {', '.join(counts)}")
             return
         scores = score_radar_data(data, self.out / "scores", trials, self.jobs)
-        content = radar_json(scores)
-        save_results(self.out / "scores", radar_tables(scores), content, radar_figure(scores))
+        save_results(self.out / "scores", *radar_tables(scores))
 
 
 if __name__ == "__main__":

@@ -5,9 +5,9 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from studies.arrays import FloatArray
 from studies.filters.motion_models import MotionModel
 from studies.filters.track_filter import TrackFilter
-from studies.radar.flights import FloatArray
 
 
 class GHFilter(TrackFilter):

@@ -1,9 +1,6 @@
-"""The data set of the study, flights, radars and measurements with both noises, and the errors
-of filters on it.
-"""
+"""The data set of the study: flights, radars and measurements with both noises."""
 
 import json
-from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -12,30 +9,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from baselines import Scores, Statistic
 from hybrid_env import ArgumentError
+from studies.arrays import FloatArray
 from studies.radar import radars
-from studies.radar.filters import Estimated
-from studies.radar.flights import FLIGHTS, RECORD_STEP, Flight, FloatArray, point_mass_flights
-from studies.radar.radars import (
-    NOISES,
-    Noise,
-    Tracks,
-    flight_errors,
-    measure,
-    padded_tracks,
-    scan_flights,
-)
+from studies.radar.flights import FLIGHTS, RECORD_STEP, Flight, point_mass_flights
+from studies.radar.radars import NOISE_NAMES, Noise, Tracks, draw_noise, scan_flight
 
-# Times ahead [s].
-HORIZONS = (1.0, 2.0, 5.0)
-# Columns of a flight: RMSE of position [m] and velocity [m/s] as means over the axes, RMSE of the
-# position by eq. (1.25) of the thesis [m], RMSE of the measurements as the mean over the axes [m],
-# RMSE of the forecast positions as means over the axes [m]. See `flight_errors`.
-COLUMNS = ("position", "velocity", "distance", "measured", *(f"ahead {h:g}" for h in HORIZONS))
-STATISTICS = {name: Statistic((name,), np.positive) for name in COLUMNS}
-# Noise reduction ratio: the error that a filter leaves of that of the measurements.
-STATISTICS["noise reduction ratio"] = Statistic(("position", "measured"), np.divide)
 CARD = """# Radar tracks of flights
 
 {flights} simulated flights past two radars, after A. Novospaskyi, "Analysis of the efficiency of
@@ -78,25 +57,19 @@ class RadarData:
 
 def write_radar_data(folder: Path, seed: int = 0, flights: int = FLIGHTS) -> None:
     """Write the data set of at least 4 flights into an existing folder."""
-    flown = point_mass_flights(flights, seed)
-    scans, training = scan_flights(flown, seed)
-    seen: list[dict[str, Any]] = []
-    for split, part, stream in (
-        ("training", scans[:training], (seed, 2)),
-        ("test", scans[training:], (seed, 3, 0)),
-    ):
-        measured = {noise: measure(part, noise, stream).measurements for noise in NOISES}
-        for k, scan in enumerate(part):
-            columns = {"split": split, "radar": scan.radar, "time": scan.times}
-            for noise, tracks in measured.items():
-                columns |= _axes(f"{noise}_", tracks[: len(scan.times), k])
-            seen.append(columns)
-    states = [
-        {"time": flight.times, **_axes("", flight.positions), **_axes("v", flight.velocities)}
-        for flight in flown
-    ]
-    places = [{"radar": np.arange(2), **_axes("", scan.radars)} for scan in scans]
-    tables = {"flights": states, "radars": places, "measurements": seen}
+    training = round(0.3 * flights)
+    tables: dict[str, list[dict[str, Any]]] = {"flights": [], "radars": [], "measurements": []}
+    for k, flight in enumerate(point_mass_flights(flights, seed)):
+        states = {**_axes("", flight.positions), **_axes("v", flight.velocities)}
+        tables["flights"].append({"time": flight.times, **states})
+        places, times, numbers = scan_flight(flight, np.random.default_rng((seed, 1, k)))
+        tables["radars"].append({"radar": np.arange(2), **_axes("", places)})
+        split, stream = ("training", (2, k)) if k < training else ("test", (3, 0, k - training))
+        measured: dict[str, Any] = {"split": split, "radar": numbers, "time": times}
+        for noise in NOISE_NAMES:
+            errors = draw_noise(noise, len(times), np.random.default_rng((seed, *stream)))
+            measured |= _axes(f"{noise}_", flight.states_at(times)[0] + errors)
+        tables["measurements"].append(measured)
     for name, parts in tables.items():
         numbered = (pd.DataFrame({"flight": k} | part) for k, part in enumerate(parts))
         table = pd.concat(numbered, ignore_index=True)
@@ -127,18 +100,22 @@ def load_radar_data(folder: str | Path) -> RadarData:
     splits = {"training": slice(about["training"]), "test": slice(about["training"], None)}
 
     def tracks(split: slice, noise: Noise) -> Tracks:
-        return padded_tracks(
-            [
-                (times, _joined(part, f"{noise}_"), *flight.states_at(times))
-                for flight, part in zip(flown[split], parts[split], strict=True)
-                for times in [part["time"].to_numpy()]
-            ]
-        )
+        longest = max(map(len, parts[split]))
+        clocks = []
+        arrays = np.full((3, longest, len(parts[split]), 3), np.nan)
+        for k, (flight, part) in enumerate(zip(flown[split], parts[split], strict=True)):
+            times = part["time"].to_numpy()
+            arrays[:, : len(times), k] = _joined(part, f"{noise}_"), *flight.states_at(times)
+            clocks.append(np.pad(times, (0, longest - len(times)), mode="edge"))
+        return Tracks(np.stack(clocks, axis=1), *arrays)
 
     return RadarData(
         about["seed"],
         {name: flown[split] for name, split in splits.items()},
-        {name: {noise: tracks(split, noise) for noise in NOISES} for name, split in splits.items()},
+        {
+            name: {noise: tracks(split, noise) for noise in NOISE_NAMES}
+            for name, split in splits.items()
+        },
     )
 
 
@@ -150,33 +127,3 @@ def _axes(prefix: str, values: FloatArray) -> dict[str, Any]:
 def _joined(table: pd.DataFrame, prefix: str) -> FloatArray:
     """Return values, (n, 3), of their columns."""
     return table[[f"{prefix}{axis}" for axis in "xyz"]].to_numpy()
-
-
-def truth_ahead(
-    flights: Sequence[Flight], tracks: Tracks, horizon: float, fewest: int = 3
-) -> FloatArray:
-    """Return the true positions some time after every measurement, (K, N, 3) [m]; NaN where none
-    counts, as before the third measurement of a track.
-    """
-    truth = np.full_like(tracks.positions, np.nan)
-    for k, flight in enumerate(flights):
-        times = tracks.times[:, k] + horizon
-        present = ~np.isnan(tracks.positions[:, k, 0])
-        counts = np.flatnonzero(present & (times <= flight.times[-1]))
-        counts = counts[counts >= fewest - 1]
-        truth[counts, k] = flight.states_at(times[counts])[0]
-    return truth
-
-
-def score_estimates(name: str, estimated: Estimated, data: RadarData, noise: Noise) -> Scores:
-    """Return the scores of estimates on the test flights, with forecasts at `HORIZONS`."""
-    tracks = data.tracks["test"][noise]
-    position, distance = flight_errors(estimated.positions, tracks.positions).T
-    velocity, _ = flight_errors(estimated.velocities, tracks.velocities).T
-    measured, _ = flight_errors(tracks.measurements, tracks.positions).T
-    forecasts = [
-        flight_errors(forecast, truth_ahead(data.flights["test"], tracks, horizon))[:, 0]
-        for horizon, forecast in zip(HORIZONS, estimated.forecasts, strict=True)
-    ]
-    values = np.column_stack([position, velocity, distance, measured, *forecasts])
-    return Scores(name, "", (0.0,), COLUMNS, values[..., None])

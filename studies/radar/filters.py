@@ -7,36 +7,26 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from optuna.distributions import BaseDistribution, FloatDistribution, IntDistribution
 
+from studies.arrays import FloatArray
 from studies.filters.correction import StudentT
 from studies.filters.imm import IMMFilter
 from studies.filters.kalman import KalmanFilter
 from studies.filters.motion_models import MotionModel
-from studies.filters.run_filter import run_filter
+from studies.filters.run_filter import Estimates, run_filter
 from studies.filters.track_filter import TrackFilter
 from studies.radar.alternatives import GHFilter
-from studies.radar.flights import SPEED, FloatArray
+from studies.radar.flights import SPEED
 from studies.radar.radars import SIGMA, Tracks
 
 Parameters = Mapping[str, Any]
 # Standard deviations of velocity [m/s] and acceleration [m/s^2] at the start.
 START_DEVIATIONS = (SPEED / math.sqrt(3.0), 5.0)
-
-
-class Estimated(NamedTuple):
-    """Estimates of N flights after K measurements."""
-
-    # (K, N, 3) [m]
-    positions: FloatArray
-    # (K, N, 3) [m/s]
-    velocities: FloatArray
-    # Forecast positions, (K, N, 3) [m] each.
-    forecasts: tuple[FloatArray, ...] = ()
 
 
 def moving_average(values: FloatArray, window: int, ratio: float = 1.0) -> FloatArray:
@@ -67,24 +57,14 @@ class Contender:
     space: Mapping[str, tuple[BaseDistribution, float]]
 
 
-def filter_tracks(
-    contender: Contender, parameters: Parameters, tracks: Tracks, horizons: Sequence[float] = ()
-) -> Estimated:
-    """Estimates after every measurement, with forecasts at horizons [s]; the parameters `window`
-    and `ratio` average the measurements before the filter.
+def filter_tracks(contender: Contender, parameters: Parameters, tracks: Tracks) -> Estimates:
+    """Estimates after every measurement; the parameters `window` and `ratio` average the
+    measurements before the filter.
     """
     measurements = tracks.measurements
     if "window" in parameters:
         measurements = moving_average(measurements, parameters["window"], parameters["ratio"])
-    filtered = run_filter(
-        contender.build(parameters),
-        measurements,
-        tracks.times,
-        keep_covariances=False,
-        horizons=horizons,
-    )
-    forecasts = tuple(ahead.positions for ahead in filtered.forecasts)
-    return Estimated(filtered.positions, filtered.velocities, forecasts)
+    return run_filter(contender.build(parameters), measurements, tracks.times)
 
 
 class ThesisKalmanFilter(KalmanFilter):

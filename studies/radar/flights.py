@@ -9,10 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
-FloatArray = NDArray[np.float64]
+from studies.arrays import FloatArray
 
 # Number of flights of the thesis.
 FLIGHTS = 133

@@ -6,20 +6,16 @@ measurements may follow each other at once.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import levy_stable
 
-from studies.radar.flights import Flight, FloatArray
-
-IntArray = NDArray[np.int64]
+from studies.arrays import FloatArray, IntArray
+from studies.radar.flights import Flight
 
 Noise = Literal["gaussian", "levy"]
-NOISES: tuple[Noise, ...] = ("gaussian", "levy")
 NOISE_NAMES: dict[Noise, str] = {"gaussian": "Gaussian noise", "levy": "Levy noise"}
 # Largest distance of a measured object [m].
 RANGE = 1000.0
@@ -33,22 +29,6 @@ STABILITY = 1.5
 # thesis does not state it. The published unfiltered MAE (20.4 m) gives about 1600 m, and with it
 # the unfiltered RMSE comes out as well.
 CLIP = 1600.0
-
-
-@dataclass(frozen=True)
-class Scan:
-    """What the radars of one flight see, without noise; K measurements in the order of time."""
-
-    # (2, 3) their positions [m]
-    radars: FloatArray
-    # (K,) [s]
-    times: FloatArray
-    # (K,) index of the radar of each measurement.
-    radar: IntArray
-    # (K, 3) true [m]
-    positions: FloatArray
-    # (K, 3) true [m/s]
-    velocities: FloatArray
 
 
 def place_radars(
@@ -76,10 +56,12 @@ def place_radars(
 
 def scan_flight(
     flight: Flight, generator: np.random.Generator, fewest: int = 10, phases: int = 1024
-) -> Scan:
-    """Place radars around a flight of at least some seconds, and find the moments and states that
-    they measure. With fewer measurements the radars are placed again. The phase of a pair is a
-    binary fraction of the period: equal steps are then equal numbers, whose matrices are shared.
+) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Place radars around a flight of at least some seconds; return their positions (2, 3) [m],
+    the times of their measurements, (K,) [s] in this order, and the radar of each.
+
+    With fewer measurements the radars are placed again. The phase of a pair is a binary fraction of
+    the period: equal steps are then equal numbers, whose matrices are shared.
     """
     while True:
         radars = place_radars(flight, generator)
@@ -94,14 +76,7 @@ def scan_flight(
         if len(times) >= fewest:
             break
     order = np.argsort(times, kind="stable")
-    return Scan(radars, times[order], numbers[order], *flight.states_at(times[order]))
-
-
-def scan_flights(flights: Sequence[Flight], seed: int) -> tuple[list[Scan], int]:
-    """Return the scans of flights, and how many of the first ones are for training: 30 %."""
-    generators = (np.random.default_rng((seed, 1, k)) for k in range(len(flights)))
-    scans = [scan_flight(*pair) for pair in zip(flights, generators, strict=True)]
-    return scans, round(0.3 * len(flights))
+    return radars, times[order], numbers[order]
 
 
 def draw_noise(noise: Noise, count: int, generator: np.random.Generator) -> FloatArray:
@@ -124,28 +99,6 @@ class Tracks:
     positions: FloatArray
     # (K, N, 3) true [m/s]
     velocities: FloatArray
-
-
-def padded_tracks(parts: Sequence[tuple[FloatArray, ...]]) -> Tracks:
-    """Tracks of flights that each have the arrays of `Tracks` without the second axis."""
-    longest = max(len(times) for times, *_ in parts)
-    times = np.stack([np.pad(times, (0, longest - len(times)), mode="edge") for times, *_ in parts])
-    arrays = np.full((3, longest, len(parts), 3), np.nan)
-    for k, (of_flight, *values) in enumerate(parts):
-        arrays[:, : len(of_flight), k] = values
-    return Tracks(times.T, *arrays)
-
-
-def measure(scans: Sequence[Scan], noise: Noise, stream: tuple[int, ...]) -> Tracks:
-    """Add noise to the true positions of every scan; flight i has its own stream of random numbers,
-    whatever the others are: (seed, 2, i) for training, (seed, 3, run, i) for tests.
-    """
-    parts = []
-    for index, scan in enumerate(scans):
-        generator = np.random.default_rng((*stream, index))
-        measured = scan.positions + draw_noise(noise, len(scan.times), generator)
-        parts.append((scan.times, measured, scan.positions, scan.velocities))
-    return padded_tracks(parts)
 
 
 def flight_errors(estimates: FloatArray, truth: FloatArray) -> FloatArray:

@@ -1,21 +1,26 @@
-"""Filters on the radar data set: errors and forecasts of the test flights."""
+"""Filters on the radar data set: errors on the test flights."""
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import joblib
 import numpy as np
-from matplotlib.figure import Figure
 
-from baselines import Scores
-from studies.pictures import draw_estimates
-from studies.radar.dataset import HORIZONS, STATISTICS, RadarData, score_estimates
+from baselines import Scores, Statistic
+from studies.radar.dataset import RadarData
 from studies.radar.filters import COMBINED, CONTENDERS, ROBUST, filter_tracks
-from studies.radar.radars import NOISE_NAMES, Noise
-from studies.radar.tuning import tune_filters
+from studies.radar.radars import NOISE_NAMES, Noise, flight_errors
+from studies.radar.tuning import tune
 from studies.results import in_parallel, markdown_table, with_half
 
+# RMSE of flights: position [m] and velocity [m/s] as means over the axes, position by eq. (1.25) of
+# the thesis [m], measurements as means over the axes [m]. See `flight_errors`.
+COLUMNS = ("position", "velocity", "distance", "measured")
+STATISTICS = {name: Statistic((name,), np.positive) for name in COLUMNS}
+# The error that a filter leaves of that of the measurements.
+STATISTICS["noise reduction ratio"] = Statistic(("position", "measured"), np.divide)
 ByNoise = Mapping[Noise, Sequence[Scores]]
 # The filter with which all filters are compared on the same flights. No filter of the thesis has a
 # smaller error here, and none has a larger one in the tables of the thesis.
@@ -26,18 +31,29 @@ def score_radar_data(data: RadarData, folder: Path, trials: int, jobs: int) -> B
     """Return the scores of all filters by noise, those of the thesis first, tuned on the training
     flights.
 
-    A killed run goes on from the trials in the folder; see `tune_filters` for the arguments.
+    A killed run goes on from the trials in the folder; see `tune` for the number of trials.
     """
     names = [name for name in CONTENDERS if name not in (ROBUST, COMBINED)]
-    tuned = tune_filters(names, data.tracks["training"], data.seed, folder, trials, jobs, ROBUST)
+    tuned = partial(
+        joblib.delayed(tune),
+        training=data.tracks["training"],
+        trials=trials,
+        seed=data.seed,
+        folder=folder,
+    )
+    calls = [tuned(name, noise) for noise in NOISE_NAMES for name in names]
+    results = iter(in_parallel(calls, jobs, "tuning"))
+    by_noise = {noise: {name: next(results) for name in names} for noise in NOISE_NAMES}
+    # For both noises, after the plain CV filter, with which it is compared.
+    robustly = tuned(ROBUST, None, plain=by_noise["gaussian"]["CV"])
+    [student] = in_parallel([robustly], jobs, "tuning of the robust filter")
     # With the parameters that the IMM and the robust update have alone.
-    student = tuned["gaussian"][ROBUST]
-    combined = tuned["gaussian"]["IMM (CV, CA)"] | {
+    combined = by_noise["gaussian"]["IMM (CV, CA)"] | {
         key: student[key] for key in ("degrees of freedom", "scale")
     }
     scores: dict[Noise, list[Scores]] = {}
-    for noise, parameters in tuned.items():
-        filters = parameters | {COMBINED: combined}
+    for noise, parameters in by_noise.items():
+        filters = parameters | {ROBUST: student, COMBINED: combined}
         calls = [joblib.delayed(score_filter)(*each, data, noise) for each in filters.items()]
         scores[noise] = in_parallel(calls, jobs, NOISE_NAMES[noise])
     return scores
@@ -48,22 +64,28 @@ def score_filter(
 ) -> Scores:
     """Return the scores of one filter."""
     tracks = data.tracks["test"][noise]
-    filtered = filter_tracks(CONTENDERS[name], parameters, tracks, HORIZONS)
-    return score_estimates(name, filtered, data, noise)
+    filtered = filter_tracks(CONTENDERS[name], parameters, tracks)
+    position, distance = flight_errors(filtered.positions, tracks.positions).T
+    velocity, _ = flight_errors(filtered.velocities, tracks.velocities).T
+    measured, _ = flight_errors(tracks.measurements, tracks.positions).T
+    values = np.column_stack([position, velocity, distance, measured])
+    return Scores(name, "", (0.0,), COLUMNS, values[..., None])
 
 
-def radar_tables(by_noise: ByNoise) -> str:
-    """Return a table for each noise, in Markdown: RMSE and half width of its 95 % interval, noise
-    reduction ratio, forecasts at the farthest horizon, and the interval of the ratio of the
-    position RMSE to that of the reference on the same flights.
+def radar_tables(by_noise: ByNoise) -> tuple[str, dict[str, Any]]:
+    """Return a table for each noise, in Markdown, and the estimates by noise, filter and statistic:
+    RMSE and half width of its 95 % interval, noise reduction ratio, and the interval of the ratio
+    of the position RMSE to that of the reference on the same flights.
     """
-    farthest = f"{HORIZONS[-1]:g}"
     text = ""
+    content: dict[str, Any] = {}
     for noise, scores in by_noise.items():
         reference = next(of_filter for of_filter in scores if of_filter.name == REFERENCE)
+        content[noise] = {}
         rows = []
         for of_filter in scores:
             estimates = {name: of_filter.estimate(value) for name, value in STATISTICS.items()}
+            content[noise][of_filter.name] = estimates
             ratio = of_filter.ratio(reference, STATISTICS["position"])
             compared = f"{ratio.low:.2f} to {ratio.high:.2f}"
             rows.append(
@@ -74,7 +96,6 @@ def radar_tables(by_noise: ByNoise) -> str:
                     f"{estimates['noise reduction ratio'].value:.2f}",
                     "1" if of_filter is reference else compared,
                     with_half(estimates["velocity"], 2),
-                    with_half(estimates[f"ahead {farthest}"], 1),
                 )
             )
         heads = (
@@ -84,42 +105,6 @@ def radar_tables(by_noise: ByNoise) -> str:
             "noise reduction ratio",
             f"position / that of {REFERENCE}",
             "velocity: mean over the axes, m/s",
-            f"position {farthest} s ahead, m",
         )
         text += markdown_table(heads, rows) + "\n"
-    return text
-
-
-def radar_json(by_noise: ByNoise) -> dict[str, Any]:
-    """Return the estimates by noise, filter and column."""
-    return {
-        noise: {
-            of_filter.name: {
-                name: of_filter.estimate(statistic) for name, statistic in STATISTICS.items()
-            }
-            for of_filter in scores
-        }
-        for noise, scores in by_noise.items()
-    }
-
-
-def radar_figure(by_noise: ByNoise) -> Figure:
-    """Return the errors of all filters now and ahead, one panel for each noise."""
-    figure = Figure(figsize=(11.5, 5.6), layout="constrained", dpi=110)
-    figure.suptitle("RMSE of the position, mean over the axes, with its 95 % interval")
-    panels = figure.subplots(1, len(by_noise))
-    labels = {"position": "now"} | {f"ahead {h:g}": f"{h:g} s ahead" for h in HORIZONS}
-    for axes, (noise, scores) in zip(panels, by_noise.items(), strict=True):
-        places = np.arange(len(scores))
-        for (column, label), marker in zip(labels.items(), "os^D", strict=True):
-            estimates = [of_filter.estimate(STATISTICS[column]) for of_filter in scores]
-            draw_estimates(axes, places, estimates, True, fmt=marker, markersize=5, label=label)
-        axes.set(title=NOISE_NAMES[noise], xscale="log", xlabel="m")
-        ticks = (10, 20, 50, 100, 200, 500)
-        axes.set_xticks(ticks, [str(tick) for tick in ticks])
-        axes.minorticks_off()
-        axes.set_yticks(places, [of_filter.name for of_filter in scores])
-        axes.invert_yaxis()
-        axes.grid(alpha=0.25)
-    panels[0].legend()
-    return figure
+    return text, content

@@ -10,20 +10,12 @@ from agents import run_command
 from studies.filters.kalman import KalmanFilter
 from studies.filters.motion_models import MotionModel
 from studies.filters.run_filter import run_filter
-from studies.radar import flights as model
 from studies.radar import radars, tuning
 from studies.radar.__main__ import Radar
 from studies.radar.alternatives import GHFilter
-from studies.radar.dataset import (
-    HORIZONS,
-    STATISTICS,
-    RadarData,
-    load_radar_data,
-    score_estimates,
-    write_radar_data,
-)
-from studies.radar.filters import CONTENDERS, filter_tracks, moving_average
-from studies.radar.radars import Tracks, draw_noise, flight_errors, measure, scan_flights
+from studies.radar.dataset import load_radar_data, write_radar_data
+from studies.radar.filters import moving_average
+from studies.radar.radars import draw_noise, flight_errors
 
 pytest.importorskip("pyarrow")
 
@@ -74,8 +66,8 @@ def test_moving_average_equals_pandas():
 
 
 def test_a_tuning_that_is_killed_ends_with_the_same_parameters(tmp_path):
-    scans, _ = scan_flights(model.point_mass_flights(4, 0), 0)
-    training = {"gaussian": measure(scans, "gaussian", (0, 2))}
+    write_radar_data(tmp_path, flights=14)
+    training = load_radar_data(tmp_path).tracks["training"]
     whole, _, parts = (
         tuning.tune("KF CV", "gaussian", training, trials, 7, tmp_path / name)
         for trials, name in ((12, "whole"), (5, "parts"), (12, "parts"))
@@ -85,12 +77,14 @@ def test_a_tuning_that_is_killed_ends_with_the_same_parameters(tmp_path):
 
 
 def test_the_g_h_filter_starts_with_two_points_and_anew_after_a_gap():
-    measurements = np.array([np.nan, 2.0, np.nan, 8.0, 11.0, np.nan, 50.0, 54.0, 54.5])[:, None]
+    measurements = np.array([np.nan, 2.0, np.nan, 8.0, 11.0, np.nan, 50.0, 54.0, 54.5])[
+        :, None, None
+    ]
     times = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 8.0, 9.0, 9.0]
     gh = GHFilter(1, 0.5, 0.25, longest_gap=3.5)
     # By hand: two points 2 s apart, a prediction, a gap of 4 s, a second sensor at the same time.
     expected = [[2.0, 0.0], [2.0, 0.0], [8.0, 3.0], [11.0, 3.0], [14.0, 3.0], [50.0, 0.0]]
-    states = run_filter(gh, measurements, times).states
+    states = run_filter(gh, measurements, times).states[:, 0]
 
     assert np.isnan(states[0]).all()
     np.testing.assert_allclose(states[1:], [*expected, [54.0, 4.0], [54.25, 4.0]])
@@ -126,30 +120,6 @@ def test_constant_gains_are_those_of_a_kalman_filter_in_its_steady_state(name):
 
     np.testing.assert_allclose(ours[150:], exact[150:], rtol=1e-9, atol=1e-7)
     assert np.abs(ours[3] - exact[3]).max() > 0.1
-
-
-@pytest.mark.parametrize(("name", "k"), [("g-h", 0.0), ("g-h-k", 0.03)])
-def test_the_noise_reduction_ratio_of_an_object_at_rest_is_that_of_the_closed_form(name, k):
-    flights, count = 20, 600
-    times = np.broadcast_to(np.arange(float(count))[:, None], (count, flights))
-    still = np.zeros((count, flights, 3))
-    noise = np.random.default_rng(4).normal(0.0, radars.SIGMA, still.shape)
-    tracks = Tracks(times, noise, still, still)
-    flown = [model.Flight(np.zeros((20 * count, 3)), np.zeros((20 * count, 3)))] * flights
-    data = RadarData(0, {"test": flown}, {"test": {"gaussian": tracks}})
-    g, h = 0.6, 0.25
-    parameters = {"g": g, "h": h} | ({"k": k} if k else {})
-    filtered = filter_tracks(CONTENDERS[name], parameters, tracks, HORIZONS)
-    scores = score_estimates(name, filtered, data, "gaussian")
-    ours = scores.estimate(STATISTICS["noise reduction ratio"])
-    # The variance that constant gains leave of white noise, Mahafza & Elsherbeni 2004, chapter 9.
-    gamma = 2.0 * k
-    numerator = 2.0 * h * (2.0 * g**2 + 2.0 * h - 3.0 * g * h) - g * gamma * (4.0 - 2.0 * g - h)
-    expected = numerator / ((4.0 - 2.0 * g - h) * (2.0 * g * h + g * gamma - 2.0 * gamma))
-
-    # Four standard errors of a deviation, about three measurements being one independent error, and
-    # a start of a few measurements.
-    assert ours.value == pytest.approx(np.sqrt(expected), rel=4.0 / np.sqrt(2 * noise.size / 3.0))
 
 
 def test_errors_are_means_over_the_axes_and_those_of_the_formula():

@@ -2,8 +2,6 @@
 but the seed and the trials before it, which are kept in a file.
 """
 
-from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +12,7 @@ from optuna.storages import JournalStorage
 from optuna.storages.journal import JournalFileBackend
 
 from studies.radar.filters import CONTENDERS, Parameters, filter_tracks
-from studies.radar.radars import NOISES, Noise, Tracks, flight_errors
-from studies.results import in_parallel
+from studies.radar.radars import Noise, Tracks, flight_errors
 
 # Trials of each tuning.
 TRIALS = 60
@@ -84,35 +81,3 @@ def tune(
         trial = study.ask({key: law for key, (law, _) in contender.space.items()})
         study.tell(trial, cost(trial.params))
     return known | study.best_params
-
-
-def tune_filters(
-    names: Sequence[str],
-    training: dict[Noise, Tracks],
-    seed: int,
-    folder: Path,
-    trials: int,
-    jobs: int,
-    robust: str,
-) -> dict[Noise, dict[str, dict[str, Any]]]:
-    """Parameters of filters by noise and name, tuned on the training flights, the robust one for
-    both noises after the plain CV filter, with which it is compared.
-
-    Args:
-        names: of the filters.
-        training: the flights by noise.
-        seed: of the tuning.
-        folder: for finished trials, from which a killed run goes on; it is created.
-        trials: number of trials of each tuning.
-        jobs: number of processes; the results do not depend on it.
-        robust: name of the robust filter.
-    """
-    tuned = partial(
-        joblib.delayed(tune), training=training, trials=trials, seed=seed, folder=folder
-    )
-    calls = [tuned(name, noise) for noise in NOISES for name in names]
-    results = iter(in_parallel(calls, jobs, "tuning"))
-    by_noise = {noise: {name: next(results) for name in names} for noise in NOISES}
-    robustly = tuned(robust, None, plain=by_noise["gaussian"]["CV"])
-    [parameters] = in_parallel([robustly], jobs, "tuning of the robust filter")
-    return {noise: by_name | {robust: parameters} for noise, by_name in by_noise.items()}

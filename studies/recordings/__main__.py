@@ -34,10 +34,6 @@ class Recordings:
     """Names with their thresholds, hindsight, or hindsight:10 for a live tracker that decides ten
     ticks later, which are drawn; the others are compared with the first.
     """
-    tracks: int = 12
-    """Number of recordings of each object and kind."""
-    ticks: int = 600
-    """Number of ticks of a recording."""
     seed: int = 0
     """Seed of the first recording."""
     known_radii: bool = False
@@ -57,8 +53,7 @@ class Recordings:
         rows = study.evaluate(
             self.deciders[:2] if self.quick else self.deciders,
             worlds,
-            2 if self.quick else self.tracks,
-            self.ticks,
+            2 if self.quick else 12,
             self.seed,
             self.jobs,
         )

@@ -65,7 +65,7 @@ class SimulatedRecording(NamedTuple):
     states: NDArray[np.float64]
 
 
-def record(name: str, kind: str, seed: int, ticks: int) -> SimulatedRecording:
+def record(name: str, kind: str, seed: int, ticks: int = 600) -> SimulatedRecording:
     """Simulate a recording of an object; segments last 25 + geometric 50 ticks.
 
     Args:

@@ -67,11 +67,11 @@ Row = dict[str, Any]
 Statements = tuple[SimulatedRecording, dict[str, Any], dict[str, dict[str, float]]]
 
 
-def state(name: str, kind: str, seed: int, ticks: int, deciders: Sequence[str]) -> Statements:
+def state(name: str, kind: str, seed: int, deciders: Sequence[str]) -> Statements:
     """Track one recording by all deciders, or with hindsight. What the first finds is given to the
     others, so that the model is fitted once.
     """
-    recording = record(name, kind.removesuffix(", known radius"), seed, ticks)
+    recording = record(name, kind.removesuffix(", known radius"), seed)
     given: dict[str, Any] = {}
     if kind.endswith("known radius"):
         given["radii"] = (TARGETS[name].radius,)
@@ -169,19 +169,12 @@ def counts(
 
 
 def evaluate(
-    deciders: Sequence[str],
-    worlds: Sequence[tuple[str, str]],
-    tracks: int,
-    ticks: int,
-    seed: int,
-    jobs: int,
+    deciders: Sequence[str], worlds: Sequence[tuple[str, str]], tracks: int, seed: int, jobs: int
 ) -> list[Row]:
     """Return rows of all deciders, the first of which others are compared with, on all recordings
-    and on those of each object and kind.
+    and on those of each object and kind, so many of each.
     """
-    calls = [
-        delayed(state)(*world, seed + k, ticks, deciders) for world in worlds for k in range(tracks)
-    ]
+    calls = [delayed(state)(*world, seed + k, deciders) for world in worlds for k in range(tracks)]
     results = in_parallel(calls, jobs, "recordings")
     rows = compare("all", results, deciders)
     for part, world in enumerate(worlds):

@@ -41,14 +41,9 @@ def test_rows_move_as_their_modes_say(name, kind):
         "missing": (pytest.approx(1.0), True),
         "irregular": (pytest.approx(0.5), True),
     }.get(kind, (pytest.approx(1.0), False))
-    # Angles between two steps of eight rows in the same segment.
-    a, b, c = positions[:-16], positions[8:-8], positions[16:]
-    before = b - a
-    after = c - b
-    across = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
-    angles = np.arctan2(across, (before * after).sum(1))
-    same = modes[:-16] == modes[16:]
-    straight, left, right = (angles[same & (modes[16:] == mode)].mean() for mode in "SLR")
+    headings = np.unwrap(np.arctan2(states[:, 3], states[:, 1]))
+    turned, same = headings[16:] - headings[:-16], modes[16:] == modes[:-16]
+    straight, left, right = (turned[same & (modes[16:] == mode)].mean() for mode in "SLR")
     assert abs(straight) < 0.1
     assert left > 0.2
     assert right < -0.2

@@ -16,8 +16,7 @@ from matplotlib.figure import Figure
 
 from agents import Task, find_decider, sweep, task_of
 from baselines import Estimate, Scores
-from studies.pictures import draw_estimates
-from studies.results import in_brackets, in_parallel, markdown_table
+from studies.results import draw_estimates, in_brackets, in_parallel, markdown_table
 
 ROAD = "HybridTrackRoad-v0"
 UNKNOWN = "HybridTrackQuickestRoad-v0"

@@ -35,12 +35,8 @@ class Shifts:
     """Number of random environments, from ranges twice as wide at both ends as in the training of
     the shipped agent.
     """
-    noises: tuple[str, ...] = ()
-    """Laws of the measurement noise, such as 'outliers 0.05'."""
     episodes: int = 1000
     """Number of episodes; at most 1,000 others serve to select each threshold."""
-    seed: int = 0
-    """Seed of the first episode, below 10^9."""
     jobs: int = -1
     """Number of processes; -1 for one on each core. The results do not depend on it."""
     quick: bool = False
@@ -51,14 +47,11 @@ class Shifts:
     def run(self) -> None:
         """Evaluate the deciders, print the table and write the files."""
         task = task_of(self.env)
-        names, worlds = (
-            self.deciders,
-            study.worlds_of(task, self.shifted, self.drawn, self.noises),
-        )
+        names, worlds = self.deciders, study.worlds_of(task, self.shifted, self.drawn)
         if self.quick:
-            names, worlds = (("msprt", "ate"), study.worlds_of(task, False, 1, ()))
+            names, worlds = ("msprt", "ate"), study.worlds_of(task, False, 1)
         episodes = 10 if self.quick else self.episodes
-        rows = study.evaluate(names, self.env, worlds, episodes, self.seed, self.jobs)
+        rows = study.evaluate(names, self.env, worlds, episodes, self.jobs)
         save_results(self.out / "shifts", study.markdown(rows), rows)
 
 

@@ -11,22 +11,15 @@ from baselines import Estimate
 from studies.results import in_brackets, in_parallel, markdown_table
 from studies.shifts.worlds import NOMINAL, draw_worlds, shifted_worlds
 
-# Random worlds are drawn with this seed and those that follow.
-DRAWN_WORLDS = 4_000_000_000
-
 # A row of the table, as in JSON: world, decider, thresholds, and rewards as `Estimate`.
 Row = dict[str, Any]
 
 
-def worlds_of(
-    task: Task, shifted: bool, drawn: int, noises: Sequence[str]
-) -> dict[str, dict[str, Any]]:
+def worlds_of(task: Task, shifted: bool, drawn: int) -> dict[str, dict[str, Any]]:
     """Return name and changed options of the environments, the nominal one first."""
-    worlds: dict[str, dict[str, Any]] = {NOMINAL: {}}
-    if shifted:
-        worlds |= shifted_worlds(task.options)
-    worlds |= {noise: {"noise": noise} for noise in noises}
-    return worlds | (draw_worlds(drawn, DRAWN_WORLDS) if drawn else {})
+    changed = shifted_worlds(task.options) if shifted else {}
+    # Seed of the random ones, and of those that follow.
+    return {NOMINAL: {}} | changed | draw_worlds(drawn, 4_000_000_000)
 
 
 def evaluate(
@@ -34,7 +27,6 @@ def evaluate(
     env_id: str,
     worlds: Mapping[str, Mapping[str, Any]],
     episodes: int,
-    seed: int,
     jobs: int,
 ) -> list[Row]:
     """Return rows of every decider in every environment, the nominal one first."""
@@ -45,15 +37,13 @@ def evaluate(
     ]
     usual = dict(zip(names, in_parallel(selected, jobs, "thresholds"), strict=True))
     calls = [
-        delayed(evaluate_world)(world, task_of(env_id, options), usual, episodes, seed)
+        delayed(evaluate_world)(world, task_of(env_id, options), usual, episodes)
         for world, options in worlds.items()
     ]
     return [row for rows in in_parallel(calls, jobs, "worlds") for row in rows]
 
 
-def evaluate_world(
-    world: str, task: Task, usual: Mapping[str, float], episodes: int, seed: int
-) -> list[Row]:
+def evaluate_world(world: str, task: Task, usual: Mapping[str, float], episodes: int) -> list[Row]:
     """Return rows of all deciders in one environment; `usual` has their nominal thresholds.
 
     Each uses the threshold with the best reward, selected on other episodes, once of this
@@ -67,7 +57,7 @@ def evaluate_world(
         decider = find_decider(name, task.options)
         best = nominal if world == NOMINAL else select_threshold(task, decider, episodes)
         thresholds = tuple(dict.fromkeys((best, nominal)))
-        every.append(sweep(task, decider, episodes, seed, thresholds=thresholds))
+        every.append(sweep(task, decider, episodes, 0, thresholds=thresholds))
     rows: list[Row] = [
         {
             "world": world,
@@ -81,7 +71,7 @@ def evaluate_world(
     ]
     first, *others = every
     if task.options.switches == "announced":
-        rows[0]["bound"] = bound_scores(task, episodes, seed).estimate(goal, 0)
+        rows[0]["bound"] = bound_scores(task, episodes, 0).estimate(goal, 0)
     if others:
         other = max(others, key=lambda scores: scores.curve(goal)[0])
         rows[0] |= {

@@ -31,10 +31,6 @@ class Shipped:
     """'anchor' (two minutes), 'anchor-all' (for all environments), 'stopping' (20 minutes),
     'rhythm' (half an hour).
     """
-    episodes: int = 1000
-    """Number of episodes on which agents are evaluated."""
-    seed: int = 0
-    """Seed of the training."""
     quick: bool = False
     """A short training of rhythm without a run folder, and two episodes."""
     out: Path = Path("results/shipped")
@@ -55,11 +51,10 @@ class Shipped:
             str(FOLDER / f"{recipe}.yml"),
             env,
             out=None if self.quick else self.out / recipe,
-            seed=self.seed,
             resume=True,
             **short,
         )
-        episodes = 2 if self.quick else self.episodes
+        episodes = 2 if self.quick else 1000
         own, theirs = (evaluate(each, env, episodes=episodes) for each in (agent, "shipped"))
         return recipe, env, own, theirs
 

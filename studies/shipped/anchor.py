@@ -13,16 +13,14 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 from torch.distributions import Categorical, MixtureSameFamily, MultivariateNormal
 
 from agents import RowRatios, regret_inputs
 from hybrid_env import HybridTrackVectorEnv
-from studies.shipped.explorer import Count, Explorer, FloatArray, WorldsAlgorithm, WorldsSettings
+from studies.arrays import Float32Array, FloatArray, IntArray
+from studies.shipped.explorer import Count, Explorer, WorldsAlgorithm, WorldsSettings
 
-Float32Array = NDArray[np.float32]
-IntArray = NDArray[np.int64]
 # Places of the true state in a row of the trace.
 TRUTH = slice(4)
 

@@ -137,17 +137,9 @@ class ExpectedRewardAlgorithm(NetworkAlgorithm):
             outputs = self.network(part.inputs, part.log_probability, memory)
             reward, last = expected_reward(outputs, part, last)
             entropy = cross_entropy(outputs, part)
-            loss = (
-                self.settings.belief_weight * entropy
-                - reward.mean()
-                + self.further_loss(outputs, part)
-            )
+            loss = self.settings.belief_weight * entropy - reward.mean()
             self.improve(loss, 0.5, self.network)
             self.updates += 1
             memory, last = outputs.memory.detach(), last.detach()
             totals += float(reward.detach().mean()), float(entropy.detach())
         return totals / len(parts)
-
-    def further_loss(self, outputs: StatementOutputs, batch: StatementBatch) -> Tensor | float:
-        """Return what is added to the loss of a part."""
-        return 0.0

@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 from agents import AnchorDecider, NetworkAlgorithm, NetworkSettings, task_of
 from baselines import Decider, rollout
 from hybrid_env import ArgumentError, HybridTrackVectorEnv, WorldOptions
+from studies.arrays import BoolArray, FloatArray
 from studies.shipped.random_worlds import draw_world
 
-BoolArray = NDArray[np.bool_]
-FloatArray = NDArray[np.float64]
 Count = Annotated[int, Ge(1)]
 
 

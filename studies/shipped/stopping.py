@@ -19,8 +19,8 @@ from torch.nn.utils.rnn import pad_sequence
 
 from agents import RowRatios, find_decider, regret_inputs
 from hybrid_env import ArgumentError, WorldOptions
-from studies.shipped.anchor import Float32Array, IntArray
-from studies.shipped.explorer import Count, Explorer, FloatArray, WorldsAlgorithm, WorldsSettings
+from studies.arrays import Float32Array, FloatArray, IntArray
+from studies.shipped.explorer import Count, Explorer, WorldsAlgorithm, WorldsSettings
 from studies.shipped.random_worlds import log_uniform
 
 

@@ -22,8 +22,6 @@ from small_training import (
 from agents.training.runs import resume_run
 from studies.shipped.anchor import anchor_loss
 
-QUICKEST = "HybridTrackQuickest-v0"
-SMALL_RHYTHM = ("n_envs=8", "batch_size=8", "n_steps=25", "hidden=6", "ticks=50")
 KINDS = {
     "anchor": (
         "studies/shipped/anchor.yml",
@@ -49,21 +47,21 @@ KINDS = {
             "drawn_worlds=[{radii: 1, worlds: 1, n_envs: 2}]",
         ),
     ),
-    "statements": (
-        "studies/shipped/rhythm.yml",
-        QUICKEST,
-        QUICK,
-        (*SMALL_RHYTHM, "durations=[uniform 5-20, geometric 30]", "habits=false"),
-    ),
     "rhythm": (
         "studies/shipped/rhythm.yml",
-        QUICKEST,
+        "HybridTrackQuickest-v0",
         QUICK,
-        (*SMALL_RHYTHM, "durations=[drawn, geometric 30]"),
+        (
+            "n_envs=8",
+            "batch_size=8",
+            "n_steps=25",
+            "hidden=6",
+            "ticks=50",
+            "durations=[drawn, geometric 30]",
+        ),
     ),
 }
 """Recipe, environment, its options and changed hyper-parameters."""
-TRAINED = ("anchor", "stopping", "rhythm")
 
 
 @pytest.fixture(autouse=True)
@@ -77,7 +75,7 @@ def whole(tmp_path_factory):
     return whole_runs(tmp_path_factory.mktemp("whole"), KINDS)
 
 
-@pytest.mark.parametrize("kind", TRAINED)
+@pytest.mark.parametrize("kind", KINDS)
 def test_a_resumed_run_equals_an_uninterrupted_one(kind, whole, tmp_path):
     folder = interrupted(kind, tmp_path / "run", STEPS // 2 + 1, KINDS)
     resume_run(folder).train(save_every=1000.0)
@@ -85,14 +83,14 @@ def test_a_resumed_run_equals_an_uninterrupted_one(kind, whole, tmp_path):
     assert outcome(folder) == outcome(whole(kind).folder)
 
 
-@pytest.mark.parametrize("kind", TRAINED)
+@pytest.mark.parametrize("kind", KINDS)
 def test_the_agent_of_a_run_folder_decides_as_the_trained_one(kind, whole):
     assert_folder_decides_as(whole(kind), KINDS[kind][2])
 
 
 def test_training_increases_the_expected_reward():
     rewards = []
-    run = small_run("statements", steps=1, kinds=KINDS)
+    run = small_run("rhythm", steps=1, kinds=KINDS)
     run.steps = 40 * run.round_steps
     run.train(lambda progress: rewards.append(progress.reward))
 

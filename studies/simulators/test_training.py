@@ -13,20 +13,6 @@ CARS = "straight 20 + geometric 40, turns 5 + geometric 10"
 OPTIONS = QuickestOptions(ticks=300, radii=(3.0,), durations=CARS)
 
 
-def test_without_spread_the_motion_is_that_told():
-    modes = np.repeat([0, 1, 2, 0], 20)[:, None] * np.ones(5, np.int64)
-    positions, first = inexact_paths(OPTIONS, modes, np.random.default_rng(0), 0.0)
-    moved = np.diff(positions, axis=0, prepend=np.zeros((1, 5, 2)))
-
-    assert np.hypot(*moved.T) == pytest.approx(0.2)
-    assert np.hypot(first[:, 1], first[:, 3]) == pytest.approx(2.0)
-    headings = np.unwrap(np.arctan2(moved[..., 1], moved[..., 0]), axis=0)
-    turned = np.diff(headings, axis=0)
-    expected = np.array([0.0, 1.0, -1.0])[modes] * 0.2 / 3.0
-    # The middle of a tick is its chord.
-    assert turned == pytest.approx(0.5 * (expected[1:] + expected[:-1]), abs=1e-9)
-
-
 @pytest.mark.parametrize(
     ("law", "slowest", "fastest"), [("25 + geometric 50", 0.84, 1.16), (CARS, 0.0, 1.31)]
 )

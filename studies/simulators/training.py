@@ -107,10 +107,10 @@ def inexact_travel(
 
 
 def inexact_paths(
-    options: QuickestOptions, modes: NDArray[np.int64], generator: Generator, spread: float = 1.0
+    options: QuickestOptions, modes: NDArray[np.int64], generator: Generator
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return positions (T, N, 2) [m] of objects in given modes (T, N), and their first states
-    (N, 4); `spread` 0 gives the motion that is told.
+    (N, 4).
     """
     ticks, tracks = modes.shape
     # [1/m]
@@ -121,31 +121,28 @@ def inexact_paths(
     def drawn(low: float, high: float) -> NDArray[np.float64]:
         return np.asarray(log_uniform(generator, low, high, tracks))
 
-    def factors(low: float, high: float) -> NDArray[np.float64]:
-        return drawn(low, high) ** spread
-
     def share(probability: float | NDArray[np.float64]) -> NDArray[np.bool_]:
         return np.asarray(generator.random(tracks) < probability)
 
     car = np.full(tracks, "turns" in str(options.law))
     # Turns that begin at once, and the time constant of the others [ticks].
-    sudden = share(1.0 - 0.6 * spread)
+    sudden = share(0.4)
     smoothing = np.where(sudden, 1.0, 1.0 - np.exp(-1.0 / drawn(0.7, 10.0)))
     # Time between two changes of the speed, and in which it changes by the nominal one [ticks].
     renewal = 1.0 / drawn(60.0, 600.0)
     change = 1.0 / drawn(8.0, 80.0)
     # Standard deviation of the curvature, and its memory [ticks].
-    weaving = generator.uniform(0.0, 0.3 * spread, tracks) / min(options.radii)
+    weaving = generator.uniform(0.0, 0.3, tracks) / min(options.radii)
     memory = np.exp(-1.0 / drawn(4.0, 20.0))
 
     def speeds(mode: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return speeds over what is told; cars brake in turns and sometimes stop."""
-        of_cars = np.where(mode > 0, factors(0.3, 1.0), factors(0.5, 1.3))
-        usual = np.where(car, of_cars, factors(0.85, 1.15))
-        return np.where(car & share(0.15 * spread), 0.0, usual)
+        of_cars = np.where(mode > 0, drawn(0.3, 1.0), drawn(0.5, 1.3))
+        usual = np.where(car, of_cars, drawn(0.85, 1.15))
+        return np.where(car & share(0.15), 0.0, usual)
 
     heading = generator.uniform(-np.pi, np.pi, tracks)
-    speed = factors(0.85, 1.15)
+    speed = drawn(0.85, 1.15)
     position = np.zeros((tracks, 2))
     first = np.zeros((tracks, 4))
     first[:, 1], first[:, 3] = (options.speed * speed * part(heading) for part in (np.cos, np.sin))
@@ -158,7 +155,7 @@ def inexact_paths(
     positions = np.empty((ticks, tracks, 2))
     for tick, mode in enumerate(modes):
         switched = mode != last
-        turns = np.where(car, factors(0.5, 1.6), factors(0.8, 1.2))
+        turns = np.where(car, drawn(0.5, 1.6), drawn(0.8, 1.2))
         factor = np.where(switched, turns, factor)
         wanted = np.where(share(renewal) | (switched & car), speeds(mode), wanted)
         speed = speed + np.clip(wanted - speed, -change, change)

@@ -7,7 +7,6 @@ import os
 import re
 import zlib
 from collections import Counter
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -32,37 +31,32 @@ from hybrid_env.checks import ArgumentError, reject
 KINDS = "a CSV, TSV, Parquet, GPX, TCX, KML, GeoJSON, NMEA, AIS or IGC file"
 
 
-@dataclass(frozen=True)
-class Limits:
-    """How large a file and what it holds may be. What a file states of its size is checked before
-    it is read.
-    """
-
+LIMITS = {
     # Of the file, and of what is decompressed.
-    megabytes: int = 250
+    "megabytes": 250,
     # Decompressed bytes over compressed ones, above 10 MB.
-    ratio: int = 50
+    "ratio": 50,
     # `hybridtrack track` then needs a few gigabytes of memory at most.
-    rows: int = 2_500_000
-    columns: int = 2_000
-    cells: int = 50_000_000
+    "rows": 2_500_000,
+    "columns": 2_000,
+    "cells": 50_000_000,
     # Characters of a line, and bytes of a text in a column of a Parquet file.
-    line: int = 50_000
-    cell: int = 1_000
+    "line": 50_000,
+    "cell": 1_000,
     # Of XML, and values of JSON.
-    tags: int = 10_000_000
-
-    def check(self, file: str, **sizes: float) -> None:
-        """Refuse a size of a file, named as the fields, that is too large."""
-        for name, size in sizes.items():
-            largest = getattr(self, name)
-            if size > largest:
-                raise ArgumentError(
-                    f"{file}: {size:,} {name}, at most {largest:,} are allowed: split the recording"
-                )
+    "tags": 10_000_000,
+}
+"""How large a file and what it holds may be. What a file states of its size is checked before it is
+read.
+"""
 
 
-LIMITS = Limits()
+def check_sizes(file: str, **sizes: float) -> None:
+    """Refuse a size of a file, named as in `LIMITS`, that is too large."""
+    for name, size in sizes.items():
+        if size > LIMITS[name]:
+            allowed = f"at most {LIMITS[name]:,} are allowed: split the recording"
+            raise ArgumentError(f"{file}: {size:,} {name}, {allowed}")
 
 
 def read_table(path: str | os.PathLike[str]) -> Table:
@@ -79,7 +73,7 @@ def read_table(path: str | os.PathLike[str]) -> Table:
         return _read_nested(content, file)
     if not is_igc(content):
         return _read_text(content, file)
-    LIMITS.check(file, rows=content.count(b"\nB"))
+    check_sizes(file, rows=content.count(b"\nB"))
     log = parse_igc(file, content)
     # A for a position in three dimensions, V for none or one in two.
     valid = [record[24:25].decode() for record in log.records]
@@ -99,12 +93,12 @@ def _content(path: Path) -> tuple[str, bytes]:
     # A named pipe would wait for its writer.
     if not os.path.isfile(path):
         raise reject("file", file, f"an existing file: {KINDS}")
-    LIMITS.check(file, megabytes=path.stat().st_size / 1e6)
+    check_sizes(file, megabytes=path.stat().st_size / 1e6)
     try:
         content = path.read_bytes()
         if content[:2] != b"\x1f\x8b":
             return file, content
-        largest = min(LIMITS.megabytes * 10**6, max(LIMITS.ratio * len(content), 10**7))
+        largest = min(LIMITS["megabytes"] * 10**6, max(LIMITS["ratio"] * len(content), 10**7))
         with gzip.open(io.BytesIO(content)) as stream:
             content = stream.read(largest + 1)
     except (OSError, EOFError, zlib.error) as error:
@@ -123,7 +117,7 @@ def _read_parquet(content: bytes, file: str) -> Table:
         # Texts that repeat are stored once, and may be far larger than the file.
         stored = pyarrow.parquet.ParquetFile(pa.BufferReader(content), read_dictionary=kept)
         rows = stored.metadata.num_rows
-        LIMITS.check(file, rows=rows, columns=len(kept), cells=rows * len(kept))
+        check_sizes(file, rows=rows, columns=len(kept), cells=rows * len(kept))
         table = stored.read(columns=kept, use_threads=False)
         long = [k for k, column in enumerate(table.columns) if _is_long(column)]
         notes = [f"column of long texts, which is not read: {table.column_names[k]}" for k in long]
@@ -147,27 +141,27 @@ def _is_long(column: pa.ChunkedArray) -> bool:
         return False
     lengths = [pc.max(pc.binary_length(part.dictionary)).as_py() for part in column.chunks]
     longest = max(length or 0 for length in lengths)
-    return longest > LIMITS.cell or longest * len(column) > LIMITS.megabytes * 10**6
+    return longest > LIMITS["cell"] or longest * len(column) > LIMITS["megabytes"] * 10**6
 
 
 def _read_nested(content: bytes, file: str) -> Table:
     """Read the positions of XML or JSON."""
     notes: list[str] = []
     marks = sum(map(content.count, (b"<", b"{", b"[", b",")))
-    LIMITS.check(file, rows=sum(content.count(f"<{tag}".encode()) for tag in POINTS), tags=marks)
+    check_sizes(file, rows=sum(content.count(f"<{tag}".encode()) for tag in POINTS), tags=marks)
     text = _decoded(content, file, notes).strip()
     frame = (rows_of_xml if text.startswith("<") else rows_of_json)(text, file)
-    LIMITS.check(file, columns=frame.shape[1], cells=frame.size)
+    check_sizes(file, columns=frame.shape[1], cells=frame.size)
     segments = frame.pop("segment").to_numpy() if "segment" in frame else 0
     return Table(file, _numbered(frame), segments=segments, notes=notes)
 
 
 def _read_text(content: bytes, file: str) -> Table:
     """Read the rows below the header, all cells as text."""
-    LIMITS.check(file, rows=max(content.count(b"\n"), content.count(b"\r")) - 1_000)
+    check_sizes(file, rows=max(content.count(b"\n"), content.count(b"\r")) - 1_000)
     notes: list[str] = []
     texts = _decoded(content, file, notes).split("\n")
-    LIMITS.check(file, line=max(map(len, texts)))
+    check_sizes(file, line=max(map(len, texts)))
     # Texts of Python: a copy would need as much memory again.
     rows = pd.Series(texts, range(1, len(texts) + 1), object)
     blank = rows.str.isspace() | (rows == "")
@@ -206,7 +200,7 @@ def _read_text(content: bytes, file: str) -> Table:
     if not sample:
         raise reject(f"{file}, line {filled.index[-1]}", title[:60], "rows of numbers after it")
     width = Counter(map(len, sample)).most_common(1)[0][0]
-    LIMITS.check(file, columns=width, cells=width * len(rows))
+    check_sizes(file, columns=width, cells=width * len(rows))
     head = _cells(title.lstrip("#% "), delimiter)
     if len(head) == width - 1:
         # The name of the row, as pandas writes it, or an empty cell at the end.

@@ -11,104 +11,109 @@ ONE_OBJECT = "none"
 # Rows of the results of a recording, as CSV and as Parquet.
 ROW_FILES = ("estimates.csv", "estimates.parquet")
 
-ROLES = {
-    "time": (
-        "t time times timestamp datetime date_time epoch ts unix unixtime unix_time posix utc"
-        " elapsed elapsed_time basedatetime base_date_time date_time_utc sec secs seconds millis"
-        " milliseconds second gps_time utc_time time_utc time_gps time_of_day local_time"
-        " time_boot tow gps_sow sow gpsseconds gps_seconds gpstime updatetime fly_time"
-        " offset_time tst now global_time timestamp_external trial_time position_t stamp"
-        " zeit uhrzeit zeitstempel fecha_hora hora heure horodatage ora tijd tid klockslag czas"
-        " время 时间 時間 時刻 日時"
-    ),
-    "date": ("date gps_date utc_date date_utc local_date datum fecha data dato дата 日期 日付"),
-    "fix_time": (
-        "lastposupdate last_position_update time_position position_time pos_time fix_time"
-        " gps_fix_time"
-    ),
-    "x": (
-        "x easting east e pos_x x_pos posx position_x x_position px utm_easting utm_e utm_x"
-        " x_coordinate coord_x ost rechtswert x_center local_x vehicle_x person_x ecef_x x_ecef"
-        " pixel_x x_pixel x_ned x_enu ned_x enu_x pos_e pos_east position_east x_east y_east east_x"
-    ),
-    "y": (
-        "y northing north n pos_y y_pos posy position_y y_position py utm_northing utm_n utm_y"
-        " y_coordinate coord_y nord hochwert y_center local_y vehicle_y person_y ecef_y y_ecef"
-        " pixel_y y_pixel y_ned y_enu ned_y enu_y pos_n pos_north"
-        " position_north x_north y_north north_y"
-    ),
-    # Of earth-centred, earth-fixed positions; otherwise the altitude.
-    "z": (
-        "z pos_z z_pos posz position_z z_position pz ecef_z z_ecef z_ned ned_z alt altitude"
-        " altitudes enhanced_altitude ele elevation height altitude_meters geoaltitude"
-        " geo_altitude baroaltitude baro_altitude alt_geom alt_baro gps_altitude gps_alt"
-        " altitude_msl amsl msl flight_level fl höhe hoehe altura altitud hauteur quota hoogte"
-        " wysokosc высота 高度 海拔"
-    ),
-    # Latitude and longitude in one cell.
-    "position": (
-        "position positions pos coordinate coordinates coords location latlon latlng lat_lon"
-        " lat_lng lat_long latitude_longitude gps gps_position gps_coordinates koordinaten"
-        " coordonnées coordenadas wkt geom geometry"
-    ),
-    "zone": "utm_zone zone zone_number utm_zone_number",
-    "lat": (
-        "lat latitude lats latitudes location_lat position_lat gps_lat gps_latitude latitudee7"
-        " breite breitengrad geo_breite latitud latitudine breedtegraad szerokosc bredde"
-        " breddegrad широта 纬度 緯度"
-    ),
-    "lon": (
-        "lon lng long longitude lons longitudes location_long location_lon position_long"
-        " position_lon gps_lon gps_lng gps_long gps_longitude longitudee7 länge laenge längengrad"
-        " laengengrad geo_länge longitud longitudine lengtegraad dlugosc lengde lengdegrad долгота"
-        " 经度 経度"
-    ),
-    "north_south": "n_s ns lat_dir lat_hemisphere latitude_hemisphere ns_indicator",
-    "east_west": "e_w ew lon_dir lon_hemisphere longitude_hemisphere ew_indicator",
-    "range": "range rng rho distance slant_range measured_range",
-    "bearing": "bearing brg azimuth az measured_bearing",
-    "rate": "range_rate rangerate doppler radial_velocity radial_speed rdot",
-    "vx": (
-        "vx v_x vel_x velocity_x x_velocity speed_x xvel x_vel xdot ve v_e vel_e velocity_e"
-        " velocity_east vel_east east_velocity v_east veast"
-    ),
-    "vy": (
-        "vy v_y vel_y velocity_y y_velocity speed_y yvel y_vel ydot vn v_n vel_n velocity_n"
-        " velocity_north vel_north north_velocity v_north vnorth"
-    ),
-    "speed": (
-        "speed sog speed_over_ground ground_speed groundspeed gs gspeed velocity spd speed_kmh"
-        " speed_knots speed_kn speed_ms gps_speed enhanced_speed vehicle_speed speedoverground"
-        " gnd_spd speed_2d"
-    ),
-    "course": (
-        "course cog course_over_ground track true_track track_angle ground_track direction angle"
-        " gps_course courseoverground track_deg cog_deg vehicle_angle"
-    ),
-    # Where the object points to; used where nothing says where it goes.
-    "heading": "heading hdg true_heading gps_heading heading_deg",
-    "object": (
-        "object object_id obj obj_id id track_id trackid target target_id vehicle vehicle_id agent"
-        " agent_id ship ship_id mmsi icao24 icao hex callsign flight flight_id individual"
-        " individual_local_identifier tag_local_identifier animal animal_id name ped_id player_id"
-        " pedestrian_id person person_id pid uid uuid tag tag_id"
-    ),
-    # Of a file of modes.
-    "mode": (
-        "mode modes true_mode truth stated statement statements predicted prediction label labels"
-        " state states regime class manoeuvre maneuver phase"
-    ),
-    # The number of the row, as spreadsheets and pandas write it.
-    "index": "unnamed_0 index row nr no frame frame_id frame_number",
-    # Whether the sensor had a position.
-    "valid": (
-        "valid visible status gps_status fix fix_type gps_fix gps_fix_type fix_quality gps_qual"
-        " gps_quality quality fix_status validity void"
-    ),
-    # Dilution of precision.
-    "dilution": "hdop pdop gdop horizontal_dil dop gps_hdop",
+ROLE_OF = {
+    name: role
+    for role, names in {
+        "time": (
+            "t time times timestamp datetime date_time epoch ts unix unixtime unix_time posix utc"
+            " elapsed elapsed_time basedatetime base_date_time date_time_utc sec secs seconds"
+            " millis milliseconds second gps_time utc_time time_utc time_gps time_of_day local_time"
+            " time_boot tow gps_sow sow gpsseconds gps_seconds gpstime updatetime fly_time"
+            " offset_time tst now global_time timestamp_external trial_time position_t stamp"
+            " zeit uhrzeit zeitstempel fecha_hora hora heure horodatage ora tijd tid klockslag czas"
+            " время 时间 時間 時刻 日時"
+        ),
+        "date": ("date gps_date utc_date date_utc local_date datum fecha data dato дата 日期 日付"),
+        "fix_time": (
+            "lastposupdate last_position_update time_position position_time pos_time fix_time"
+            " gps_fix_time"
+        ),
+        "x": (
+            "x easting east e pos_x x_pos posx position_x x_position px utm_easting utm_e utm_x"
+            " x_coordinate coord_x ost rechtswert x_center local_x vehicle_x person_x ecef_x x_ecef"
+            " pixel_x x_pixel x_ned x_enu ned_x enu_x pos_e pos_east position_east x_east y_east"
+            " east_x"
+        ),
+        "y": (
+            "y northing north n pos_y y_pos posy position_y y_position py utm_northing utm_n utm_y"
+            " y_coordinate coord_y nord hochwert y_center local_y vehicle_y person_y ecef_y y_ecef"
+            " pixel_y y_pixel y_ned y_enu ned_y enu_y pos_n pos_north"
+            " position_north x_north y_north north_y"
+        ),
+        # Of earth-centred, earth-fixed positions; otherwise the altitude.
+        "z": (
+            "z pos_z z_pos posz position_z z_position pz ecef_z z_ecef z_ned ned_z alt altitude"
+            " altitudes enhanced_altitude ele elevation height altitude_meters geoaltitude"
+            " geo_altitude baroaltitude baro_altitude alt_geom alt_baro gps_altitude gps_alt"
+            " altitude_msl amsl msl flight_level fl höhe hoehe altura altitud hauteur quota hoogte"
+            " wysokosc высота 高度 海拔"
+        ),
+        # Latitude and longitude in one cell.
+        "position": (
+            "position positions pos coordinate coordinates coords location latlon latlng lat_lon"
+            " lat_lng lat_long latitude_longitude gps gps_position gps_coordinates koordinaten"
+            " coordonnées coordenadas wkt geom geometry"
+        ),
+        "zone": "utm_zone zone zone_number utm_zone_number",
+        "lat": (
+            "lat latitude lats latitudes location_lat position_lat gps_lat gps_latitude latitudee7"
+            " breite breitengrad geo_breite latitud latitudine breedtegraad szerokosc bredde"
+            " breddegrad широта 纬度 緯度"
+        ),
+        "lon": (
+            "lon lng long longitude lons longitudes location_long location_lon position_long"
+            " position_lon gps_lon gps_lng gps_long gps_longitude longitudee7 länge laenge"
+            " längengrad laengengrad geo_länge longitud longitudine lengtegraad dlugosc lengde"
+            " lengdegrad долгота 经度 経度"
+        ),
+        "north_south": "n_s ns lat_dir lat_hemisphere latitude_hemisphere ns_indicator",
+        "east_west": "e_w ew lon_dir lon_hemisphere longitude_hemisphere ew_indicator",
+        "range": "range rng rho distance slant_range measured_range",
+        "bearing": "bearing brg azimuth az measured_bearing",
+        "rate": "range_rate rangerate doppler radial_velocity radial_speed rdot",
+        "vx": (
+            "vx v_x vel_x velocity_x x_velocity speed_x xvel x_vel xdot ve v_e vel_e velocity_e"
+            " velocity_east vel_east east_velocity v_east veast"
+        ),
+        "vy": (
+            "vy v_y vel_y velocity_y y_velocity speed_y yvel y_vel ydot vn v_n vel_n velocity_n"
+            " velocity_north vel_north north_velocity v_north vnorth"
+        ),
+        "speed": (
+            "speed sog speed_over_ground ground_speed groundspeed gs gspeed velocity spd speed_kmh"
+            " speed_knots speed_kn speed_ms gps_speed enhanced_speed vehicle_speed speedoverground"
+            " gnd_spd speed_2d"
+        ),
+        "course": (
+            "course cog course_over_ground track true_track track_angle ground_track direction"
+            " angle gps_course courseoverground track_deg cog_deg vehicle_angle"
+        ),
+        # Where the object points to; used where nothing says where it goes.
+        "heading": "heading hdg true_heading gps_heading heading_deg",
+        "object": (
+            "object object_id obj obj_id id track_id trackid target target_id vehicle vehicle_id"
+            " agent agent_id ship ship_id mmsi icao24 icao hex callsign flight flight_id individual"
+            " individual_local_identifier tag_local_identifier animal animal_id name ped_id"
+            " player_id pedestrian_id person person_id pid uid uuid tag tag_id"
+        ),
+        # Of a file of modes.
+        "mode": (
+            "mode modes true_mode truth stated statement statements predicted prediction label"
+            " labels state states regime class manoeuvre maneuver phase"
+        ),
+        # The number of the row, as spreadsheets and pandas write it.
+        "index": "unnamed_0 index row nr no frame frame_id frame_number",
+        # Whether the sensor had a position.
+        "valid": (
+            "valid visible status gps_status fix fix_type gps_fix gps_fix_type fix_quality gps_qual"
+            " gps_quality quality fix_status validity void"
+        ),
+        # Dilution of precision.
+        "dilution": "hdop pdop gdop horizontal_dil dop gps_hdop",
+    }.items()
+    for name in names.split()
 }
-"""Names of the columns of each role, in lower case and joined by underscores."""
+"""Roles of columns by their names, which are in lower case and joined by underscores."""
 
 GIVEN_ROLES = (
     *("time", "date", "x", "y", "z", "lat", "lon", "position", "range", "bearing", "rate"),
@@ -135,8 +140,6 @@ SECONDS = {
 """Units of time [s]."""
 
 DEGREES = ("deg", "degree", "degrees", "°")
-
-ROLE_OF = {name: role for role, names in ROLES.items() for name in names.split()}
 
 
 def plain_name(name: str) -> str:

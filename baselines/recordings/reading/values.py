@@ -2,15 +2,13 @@
 
 import functools
 import re
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from baselines.recordings.reading.names import SECONDS
 from hybrid_env.checks import AnyArray, BoolArray, FloatArray, reject
-
-Cells: TypeAlias = pd.Series
 
 DAY = 86400.0
 
@@ -30,12 +28,14 @@ class Times(NamedTuple):
     cells: AnyArray | None = None
 
 
-def texts_of(cells: Cells) -> Cells:
+def texts_of(cells: pd.Series) -> pd.Series:
     """Return cells as texts without spaces around them, "" where they are empty."""
     return cells.astype(object).where(cells.notna(), "").astype("str").str.strip()
 
 
-def parse_numbers(cells: Cells, thousands: str | None = None) -> tuple[FloatArray, BoolArray, bool]:
+def parse_numbers(
+    cells: pd.Series, thousands: str | None = None
+) -> tuple[FloatArray, BoolArray, bool]:
     """Parse cells as numbers with a decimal point, or all with a decimal comma.
 
     Args:
@@ -65,7 +65,9 @@ def parse_numbers(cells: Cells, thousands: str | None = None) -> tuple[FloatArra
     return values, np.isnan(values) & cells.notna().to_numpy(), comma
 
 
-def parse_angles(cells: Cells, thousands: str | None = None) -> tuple[FloatArray, BoolArray, bool]:
+def parse_angles(
+    cells: pd.Series, thousands: str | None = None
+) -> tuple[FloatArray, BoolArray, bool]:
     """Parse cells as degrees, as `parse_numbers` does; also with a letter of the hemisphere, and
     with minutes and seconds.
     """
@@ -85,7 +87,7 @@ def parse_angles(cells: Cells, thousands: str | None = None) -> tuple[FloatArray
     return values, wrong, comma
 
 
-def parted_places(cells: Cells) -> tuple[Cells, Cells]:
+def parted_places(cells: pd.Series) -> tuple[pd.Series, pd.Series]:
     """Return the texts of latitude and longitude of cells that have both, as in `47.1, 9.2`,
     `33°53'59"S 151°12'0"E` or `POINT (9.2 47.1)`.
     """
@@ -124,7 +126,10 @@ def in_degrees(values: FloatArray, semicircles: bool) -> tuple[FloatArray, str]:
 
 
 def parse_times(
-    cells: Cells, dates: Cells | None = None, unit: str | None = None, header: str | None = None
+    cells: pd.Series,
+    dates: pd.Series | None = None,
+    unit: str | None = None,
+    header: str | None = None,
 ) -> Times:
     """Parse cells of times, and keep those of a single column of numbers or texts.
 
@@ -156,7 +161,7 @@ def parse_times(
     return _of_texts(cells, texts, unit)._replace(cells=cells.to_numpy())
 
 
-def _of_texts(cells: Cells, texts: Cells, unit: str | None) -> Times:
+def _of_texts(cells: pd.Series, texts: pd.Series, unit: str | None) -> Times:
     """Return the times of numbers in a unit, of clocks without marks, or of texts."""
     values, wrong, _ = parse_numbers(cells)
     if wrong.mean() > 0.5:
@@ -223,7 +228,7 @@ def since_1970(seconds: FloatArray, kind: str) -> Times:
     return Times((seconds - start).round(6), epoch, kind)
 
 
-def _recognised(texts: Cells) -> Times:
+def _recognised(texts: pd.Series) -> Times:
     """Return the times of texts in the format that reads most of them; of several ones, that which
     gives the shortest recording that is not in the future.
     """
@@ -254,13 +259,13 @@ def _forms() -> list[str]:
     return [*whole, *clocks, *days, *(f"{day} {clock}" for day in days for clock in clocks)]
 
 
-def _dates(cells: Cells, form: str | None = None) -> Cells:
+def _dates(cells: pd.Series, form: str | None = None) -> pd.Series:
     """Return the dates of cells, none for those that pandas cannot subtract."""
     dates = pd.to_datetime(cells, format=form, utc=True, errors="coerce")
     return dates.where(dates.dt.year.between(1700, 2200))
 
 
-def _formed(texts: Cells, form: str) -> Times:
+def _formed(texts: pd.Series, form: str) -> Times:
     """Return the times of texts in a format, with or without a date."""
     try:
         dates = _dates(texts, form)
@@ -274,7 +279,7 @@ def _formed(texts: Cells, form: str) -> Times:
     return _from_dates(dates, "dates" if form == "ISO8601" else f"dates ({form})")
 
 
-def _from_dates(dates: Cells, kind: str) -> Times:
+def _from_dates(dates: pd.Series, kind: str) -> Times:
     """Return the seconds since the earliest of dates."""
     seconds = (dates - pd.Timestamp(0, tz="UTC")).dt.total_seconds()
     return since_1970(seconds.to_numpy(), kind)

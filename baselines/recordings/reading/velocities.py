@@ -9,18 +9,6 @@ from hybrid_env.checks import FloatArray
 METRES = {"m": 1.0, "km": 1e3, "ft": 0.3048}
 """Units of positions that units of speeds go with [m]."""
 
-SPEEDS = {
-    "m/s": 1.0,
-    "kn": 1852.0 / 3600.0,
-    "km/h": 1.0 / 3.6,
-    "mph": 0.44704,
-    "ft/s": 0.3048,
-    "tenths of a knot": 185.2 / 3600.0,
-    "cm/s": 0.01,
-    "mm/s": 0.001,
-}
-"""Units of speeds [m/s]."""
-
 
 def _directions(columns: FloatArray, polar: bool) -> dict[str, FloatArray]:
     """Return velocities (n, 2) by what the columns, (n, 2), may mean."""
@@ -110,8 +98,19 @@ def find_velocities(
     if not error < 0.05 or factor <= 0.0:
         share = f" ({100.0 * error:.0f} % of the way)" if np.isfinite(error) else ""
         return nothing, f"{named} contradict the positions{share} and are not used"
+    # Units of speeds [m/s].
+    speeds = {
+        "m/s": 1.0,
+        "kn": 1852.0 / 3600.0,
+        "km/h": 1.0 / 3.6,
+        "mph": 0.44704,
+        "ft/s": 0.3048,
+        "tenths of a knot": 185.2 / 3600.0,
+        "cm/s": 0.01,
+        "mm/s": 0.001,
+    }
     metres = METRES.get(unit or "")
-    scales = {name: value / metres for name, value in SPEEDS.items()} if metres else {"units": 1.0}
+    scales = {name: value / metres for name, value in speeds.items()} if metres else {"units": 1.0}
     name = min(scales, key=lambda each: abs(np.log(scales[each] / factor)))
     # A unit may be missed by a tenth.
     if abs(np.log(scales[name] / factor)) > np.log(1.1):

@@ -13,6 +13,7 @@ keeps its state and its log-likelihood decreases, so that no NaN occurs.
 import math
 from typing import Any
 
+from hybrid_env.core.arrays import AnyArray, FloatArray
 from hybrid_env.core.banks.bank import (
     alike,
     covariance_of,
@@ -31,8 +32,8 @@ from hybrid_env.core.banks.filter import (
     predict_turn,
 )
 from hybrid_env.core.banks.sensing import correct_by_sensors
-from hybrid_env.core.compilation import formula, internal, seldom, stay_apart
-from hybrid_env.core.memory import FloatArray, Records, State, Triangle4
+from hybrid_env.core.compilation import internal, seldom, stay_apart
+from hybrid_env.core.memory import State, Triangle4
 from hybrid_env.core.motion import bank_turn_rate, heading_vector, turn_centre
 from hybrid_env.core.vectors import Vector, combination, rows_of, transposed
 
@@ -48,7 +49,7 @@ def begin(
         _begin(bank.hypotheses[h], lane, anchor, covariance, radius, motion, model)
 
 
-@formula
+@internal
 def _least_speed(speed: float, covariance: Triangle4) -> float:
     """Return the speed of an anchor by which its heading deviates: that of an object slower than
     its uncertainty deviates by about 1 rad at most.
@@ -74,7 +75,7 @@ def begin_turn(
     write_filter(kalman, lane, anchor + centre + (turn_rate,), spread)
 
 
-@formula
+@internal
 def _turn_covariance(
     covariance: Triangle4, heading_x: float, heading_y: float, inverse_speed: float, radius: float
 ) -> Vector:
@@ -101,7 +102,7 @@ def _turn_covariance(
     return x + by_x + u[1:] + by_u + y[2:] + by_y + v[3:] + by_v + (xx, xy, xr, yy, yr, rr)
 
 
-@formula
+@internal
 def _acceleration_covariance(
     covariance: Triangle4, heading_x: float, heading_y: float, slope: float
 ) -> Vector:
@@ -151,7 +152,7 @@ def _begin(
     write_filter(kalman, lane, anchor + along + (0.0,), spread)
 
 
-@formula
+@internal
 def _write(kalman: Any, innovation: Any, lane: int, corrected: Corrected) -> None:
     """Set a filter to what it is after a measurement."""
     state, p, told, likelihood = corrected
@@ -160,7 +161,7 @@ def _write(kalman: Any, innovation: Any, lane: int, corrected: Corrected) -> Non
     kalman.log_likelihood[lane] += likelihood
 
 
-@formula
+@internal
 def _predicted(before: Filter, motion: Any, model: Any) -> Filter:
     """Return a filter one tick later; motion: None is a turn."""
     if motion is not None and motion.linear:
@@ -176,7 +177,7 @@ def _step_by_sensors(
     last: int,
     motion: Any,
     measured: Any,
-    sensors: Records,
+    sensors: AnyArray,
     model: Any,
 ) -> None:
     """Do what `step_motion` does, of all that is measured."""
@@ -196,7 +197,7 @@ def step_motion(
     last: int,
     motion: Any,
     measured: Any,
-    sensors: Records,
+    sensors: AnyArray,
     model: Any,
 ) -> None:
     """Advance one filter and its log-likelihood by one tick; arguments as in `published.step`.
@@ -214,7 +215,7 @@ def _step_motion(
     last: int,
     motion: Any,
     measured: Any,
-    sensors: Records,
+    sensors: AnyArray,
     model: Any,
     at_once: bool,
 ) -> None:
@@ -243,7 +244,7 @@ def step(
     first: int,
     last: int,
     measured: Any,
-    sensors: Records,
+    sensors: AnyArray,
     model: Any,
 ) -> None:
     """Advance filters lowest .. stop - 1 of lanes first .. last - 1 by one tick; see

@@ -5,12 +5,10 @@ turn radii, 0 is straight, 1 .. n are left turns, n + 1 .. 2n are right turns.
 import math
 from typing import Any, NamedTuple
 
+from hybrid_env.core.arrays import AnyArray, FloatArray, IntArray
 from hybrid_env.core.banks.filter import Filter, of_four, of_seven
-from hybrid_env.core.compilation import formula, internal, selected
+from hybrid_env.core.compilation import internal, selected
 from hybrid_env.core.memory import (
-    FloatArray,
-    IntArray,
-    Records,
     State,
     Triangle4,
     allocate,
@@ -39,7 +37,7 @@ class FilterModel(NamedTuple):
     height_variance: float = 1.0
 
 
-@formula
+@internal
 def filter_model(setting: Any) -> FilterModel:
     """Return the model of the filters from a record `memory.PARAMETERS`."""
     return FilterModel(
@@ -57,8 +55,8 @@ def filter_model(setting: Any) -> FilterModel:
     )
 
 
-@formula
-def alike(measured: Any, first: int, last: int, sensors: Records, model: FilterModel) -> bool:
+@internal
+def alike(measured: Any, first: int, last: int, sensors: AnyArray, model: FilterModel) -> bool:
     """Return whether all of some lanes have a position of variance R, with normal errors, by which
     `filter.correct` corrects them at once; else `sensing.correct_by_sensors` does one by one.
     """
@@ -74,16 +72,12 @@ motions_of = selected(
 """Return the modes of a bank, records `MOTION`; None where all are straight motion and turns."""
 
 
-@formula
-def motion_at(motions: Records | None, hypothesis: int) -> Any:
+@internal
+def motion_at(motions: AnyArray | None, hypothesis: int) -> Any:
     """Return the mode of a hypothesis, from `motions_of`."""
     if motions is None:
         return None
     return motions[hypothesis]
-
-
-IDENTITY: Triangle4 = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
-"""P := I, as in the published algorithms (Tsyganov 2019, line 28; Golubkov 2018, setFilters)."""
 
 
 def bank_arrays(bank: Any, radii_count: int, axes: int = 1, modes: int | None = None) -> Any:
@@ -113,7 +107,7 @@ def signed_radius(hypothesis: int, radii: FloatArray) -> float:
     )
 
 
-@formula
+@internal
 def radius_of(motion: Any, hypothesis: int, radii: FloatArray) -> float:
     """Return the same of a hypothesis whose mode is from `motion_at`; 0 if it is no turn."""
     if motion is None:
@@ -121,20 +115,20 @@ def radius_of(motion: Any, hypothesis: int, radii: FloatArray) -> float:
     return float(motion.signed_radius)
 
 
-@formula
+@internal
 def radius_column(hypothesis: int, radii_count: int) -> int:
     """Return the column of `covariances` and `gains` of a hypothesis."""
     return hypothesis - radii_count if hypothesis > radii_count else hypothesis
 
 
-@formula
+@internal
 def set_estimate(kalman: Any, lane: int, estimate: State) -> None:
     """Set the estimate [x, vx, y, vy] of a filter without its covariance and centre."""
     kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane] = estimate
 
 
 @internal
-def likeliest(hypotheses: Records, lane: int) -> int:
+def likeliest(hypotheses: AnyArray, lane: int) -> int:
     """Return the hypothesis with the maximum log-likelihood, the first one if several are equal."""
     best = 0
     for h in range(1, hypotheses.size):
@@ -144,7 +138,7 @@ def likeliest(hypotheses: Records, lane: int) -> int:
 
 
 @internal
-def likeliest_of_type(hypotheses: Records, types: IntArray, lane: int, of_type: int) -> int:
+def likeliest_of_type(hypotheses: AnyArray, types: IntArray, lane: int, of_type: int) -> int:
     """Return the most likely hypothesis of a type. types: (M,), the type of every hypothesis."""
     best = -1
     for h in range(hypotheses.size):
@@ -155,28 +149,28 @@ def likeliest_of_type(hypotheses: Records, types: IntArray, lane: int, of_type: 
     return best
 
 
-@formula
-def estimate_of(hypotheses: Records, hypothesis: int, lane: int) -> State:
+@internal
+def estimate_of(hypotheses: AnyArray, hypothesis: int, lane: int) -> State:
     """Return the estimate [x, vx, y, vy] of one hypothesis [m, m/s]."""
     kalman = hypotheses[hypothesis]
     return kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane]
 
 
-@formula
+@internal
 def state_of(kalman: Any, lane: int) -> Vector:
     """Return the state of a filter of seven states."""
     estimate = kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane]
     return (*estimate, kalman.centre_x[lane], kalman.centre_y[lane], kalman.turn_rate[lane])
 
 
-@formula
+@internal
 def set_state(kalman: Any, lane: int, state: Vector) -> None:
     """Set the state of a filter of seven states."""
     kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane] = state[:4]
     kalman.centre_x[lane], kalman.centre_y[lane], kalman.turn_rate[lane] = state[4:]
 
 
-@formula
+@internal
 def covariance7(kalman: Any, lane: int) -> Vector:
     """Return the covariance of the seven states of a filter, upper triangle row by row."""
     P = kalman.covariance
@@ -184,7 +178,7 @@ def covariance7(kalman: Any, lane: int) -> Vector:
     return first + four_of(P, 16, lane) + four_of(P, 20, lane) + four_of(P, 24, lane)
 
 
-@formula
+@internal
 def set_covariance(kalman: Any, lane: int, p: Vector) -> None:
     """Set the covariance of the seven states of a filter."""
     P = kalman.covariance
@@ -198,30 +192,30 @@ def set_covariance(kalman: Any, lane: int, p: Vector) -> None:
     write_four(P, 24, lane, p[24:])
 
 
-@formula
+@internal
 def _read_seven(kalman: Any, lane: int) -> Filter:
     return state_of(kalman, lane), covariance7(kalman, lane)
 
 
-@formula
+@internal
 def _read_four(kalman: Any, lane: int) -> Filter:
     estimate = kalman.x[lane], kalman.vx[lane], kalman.y[lane], kalman.vy[lane]
     return estimate, triangle_of(kalman.covariance, lane)
 
 
-@formula
+@internal
 def _write_seven(kalman: Any, lane: int, state: Vector, p: Vector) -> None:
     set_state(kalman, lane, state)
     set_covariance(kalman, lane, p)
 
 
-@formula
+@internal
 def _write_four(kalman: Any, lane: int, state: Vector, p: Vector) -> None:
     set_estimate(kalman, lane, state)
     write_lane(kalman.covariance, lane, p)
 
 
-@formula
+@internal
 def _estimate_in_seven(kalman: Any, lane: int, estimate: State, p: Triangle4) -> None:
     _write_seven(kalman, lane, (*estimate, 0.0, 0.0, 0.0), of_seven(p))
 

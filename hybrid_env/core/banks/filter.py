@@ -15,9 +15,10 @@ The published bank has covariances of one axis, (position, velocity), which are 
 import math
 from typing import Any
 
-from hybrid_env.core.compilation import formula
+from hybrid_env.core.arrays import FloatArray
+from hybrid_env.core.compilation import internal
 from hybrid_env.core.elementary import log, sine_cosine
-from hybrid_env.core.memory import FloatArray, State
+from hybrid_env.core.memory import State
 from hybrid_env.core.motion import LARGEST_ANGLE, linear_motion, rows_of_matrix
 from hybrid_env.core.vectors import (
     Vector,
@@ -50,7 +51,7 @@ log-likelihood of the measurement.
 """
 
 
-@formula
+@internal
 def turn_coefficients(angle: float) -> State:
     """Return (cos a, sin a, sin(a) / a, (1 - cos a) / a) of the angle a of a turn [rad]. In a tick
     of length tau a velocity (u, v) becomes (cos a u - sin a v, sin a u + cos a v), and the position
@@ -63,7 +64,7 @@ def turn_coefficients(angle: float) -> State:
     return 1.0 - 2.0 * sine * sine, 2.0 * sine * cosine, quotient * cosine, quotient * sine
 
 
-@formula
+@internal
 def move_turn(state: Vector, tau: float) -> tuple[Vector, State, State]:
     """Return [x, vx, y, vy, centre_x, centre_y, turn_rate] a tick later, and its derivatives: (C,
     S, W, D), of which x' = C x + S vx + D centre_x and vx' = C vx - W x + W centre_x, likewise of
@@ -97,7 +98,7 @@ def move_turn(state: Vector, tau: float) -> tuple[Vector, State, State]:
     return moved, (C, S, W, angle * across), by_rate
 
 
-@formula
+@internal
 def _turn_times(turn: State, by_rate: State, rows: tuple[Vector, ...]) -> tuple[Vector, ...]:
     """Return the rows of F A of a matrix A, (7, 7), F the derivatives from `move_turn`."""
     C, S, W, D = turn
@@ -114,7 +115,7 @@ def _turn_times(turn: State, by_rate: State, rows: tuple[Vector, ...]) -> tuple[
     )
 
 
-@formula
+@internal
 def predict_turn(state: Vector, p: Vector, model: Any) -> Filter:
     """Return the predicted filter of a turn with uncertain centre and turn rate, whose covariance
     is F P F' + Q of a `FilterModel`. A drift of the measured positions moves the object and its
@@ -129,7 +130,7 @@ def predict_turn(state: Vector, p: Vector, model: Any) -> Filter:
     return moved, (*of_x, *of_y, p[22] + drift, *p[23:25], p[25] + drift, *p[26:])
 
 
-@formula
+@internal
 def _coordinated_times(turn: State, rows: tuple[Vector, ...]) -> tuple[Vector, ...]:
     """Return the rows of F A of a matrix A, (4, 4), where F moves [x, vx, y, vy] by a tick; turn:
     from `turn_coefficients`, the last two times tau.
@@ -144,7 +145,7 @@ def _coordinated_times(turn: State, rows: tuple[Vector, ...]) -> tuple[Vector, .
     )
 
 
-@formula
+@internal
 def predict_coordinated(state: State, p: Vector, curvature: float, model: Any) -> Filter:
     """Return the predicted filter of a turn whose angle follows from the estimated speed and is
     then treated as known; curvature: 1 / radius, positive to the left [1/m].
@@ -163,14 +164,14 @@ def predict_coordinated(state: State, p: Vector, curvature: float, model: Any) -
     return (*moved, sine * u + C * v), spread
 
 
-@formula
+@internal
 def triangle6(matrix: FloatArray) -> Vector:
     """Return the upper triangle of a matrix, (6, 6), row by row."""
     a, b, c, d, e, f = rows_of_matrix(matrix)
     return a + b[1:] + c[2:] + d[3:] + e[4:] + f[5:]
 
 
-@formula
+@internal
 def predict_linear(state: Vector, p: Vector, motion: Any) -> Filter:
     """Return the predicted filter of a linear mode, a record `MOTION`: of seven states, whose first
     six are [x, vx, y, vy, ax, ay].
@@ -180,7 +181,7 @@ def predict_linear(state: Vector, p: Vector, motion: Any) -> Filter:
     return (*linear_motion(motion, state[:6]), 0.0), of_seven(predicted)
 
 
-@formula
+@internal
 def log_likelihood(white_x: float, white_y: float, log_variance: float) -> float:
     """Return ln N(innovation; 0, Sigma) of the tick, whose differences between hypotheses are the
     ratios of Golubkov 2018, eq. (4), from the whitened innovation and ln of its variance, mean of
@@ -189,7 +190,7 @@ def log_likelihood(white_x: float, white_y: float, log_variance: float) -> float
     return -(LOG_TWO_PI + log_variance + 0.5 * (white_x * white_x + white_y * white_y))
 
 
-@formula
+@internal
 def correct(
     before: Filter, moved: Filter, measurement: FloatArray, lane: int, model: Any
 ) -> Corrected:
@@ -235,7 +236,7 @@ def correct(
     )
 
 
-@formula
+@internal
 def uncorrected(before: Filter, moved: Filter, model: Any) -> Corrected:
     """Return a predicted filter in a tick without a measurement, as `correct`."""
     state, p = moved

@@ -14,10 +14,11 @@ otherwise stays apart, so that the code of the plane is that without heights.
 import math
 from typing import Any
 
+from hybrid_env.core.arrays import FloatArray
 from hybrid_env.core.banks.filter import LOG_TWO_PI, condition_x
-from hybrid_env.core.compilation import formula, internal, seldom, selected, stay_apart
+from hybrid_env.core.compilation import internal, seldom, selected, stay_apart
 from hybrid_env.core.elementary import log
-from hybrid_env.core.memory import FloatArray, four_of, write_lane
+from hybrid_env.core.memory import four_of, write_lane
 from hybrid_env.core.vectors import Vector, combination, minus_square, sandwich, widened
 
 heights_of = selected(
@@ -28,7 +29,7 @@ never: the other functions then do nothing.
 """
 
 
-@formula
+@internal
 def _moments(height: FloatArray, lane: int) -> Vector:
     """Return z, vz and their covariance zz, zv, vv of a filter, (7, LANES)."""
     return (*four_of(height, 0, lane), height[4, lane])

@@ -26,6 +26,7 @@ occurs.
 import math
 from typing import Any
 
+from hybrid_env.core.arrays import AnyArray, FloatArray
 from hybrid_env.core.banks.bank import (
     alike,
     motion_at,
@@ -53,17 +54,9 @@ from hybrid_env.core.banks.height import (
 )
 from hybrid_env.core.banks.posterior import compare, write_covariance, write_mean
 from hybrid_env.core.banks.sensing import correct_by_sensors
-from hybrid_env.core.compilation import formula, internal, seldom, selected, stay_apart
+from hybrid_env.core.compilation import internal, seldom, selected, stay_apart
 from hybrid_env.core.elementary import exp, log
-from hybrid_env.core.memory import (
-    DenseImmBank,
-    FloatArray,
-    ImmBank,
-    Records,
-    Triangle4,
-    state_of,
-    triangle_of,
-)
+from hybrid_env.core.memory import DenseImmBank, ImmBank, Triangle4, state_of, triangle_of
 from hybrid_env.core.motion import heading_vector
 from hybrid_env.core.vectors import combination, minus_square, widened
 
@@ -71,14 +64,14 @@ from hybrid_env.core.vectors import combination, minus_square, widened
 NEGLIGIBLE = -700.0
 
 
-@formula
+@internal
 def _read_estimate(kalman: Any, lane: int) -> Filter:
     """Return estimate and covariance of [x, vx, y, vy] of a filter."""
     state, p = read_filter(kalman, lane)
     return state[:4], of_four(p)
 
 
-@formula
+@internal
 def _write(kalman: Any, mixed: Any, innovation: Any, lane: int, corrected: Corrected) -> None:
     """Set a filter to what it is after a measurement, without normalizing its probability."""
     state, p, told, likelihood = corrected
@@ -88,7 +81,7 @@ def _write(kalman: Any, mixed: Any, innovation: Any, lane: int, corrected: Corre
     kalman.log_probability[lane] = mixed.log_probability[lane] + likelihood
 
 
-@formula
+@internal
 def _log_probability(kalman: Any) -> FloatArray:
     values: FloatArray = kalman.log_probability
     return values
@@ -141,7 +134,7 @@ def _mix_equally(bank: ImmBank, block: Any, first: int, last: int, model: Any) -
             mixed.log_probability[lane] = log(prior)
 
 
-@formula
+@internal
 def _brought(kalman: Any, lane: int, stays: bool) -> Filter:
     """Return state and covariance that a filter brings to a mode; at a switch to another mode
     without accelerations.
@@ -152,7 +145,7 @@ def _brought(kalman: Any, lane: int, stays: bool) -> Filter:
     return (*state[:4], 0.0, 0.0, 0.0), of_seven(of_four(p))
 
 
-@formula
+@internal
 def _weight(bank: DenseImmBank, g: int, h: int, lane: int) -> float:
     """Return the probability that mode g was in the tick before, given that the next one is h."""
     before = max(bank.hypotheses[g].log_probability[lane], NEGLIGIBLE)
@@ -245,7 +238,7 @@ def _predict(mixed: Any, first: int, last: int, curvature: float, motion: Any, m
 
 @internal
 def step_imm(
-    bank: Any, block: Any, first: int, last: int, radii: FloatArray, sensors: Records, model: Any
+    bank: Any, block: Any, first: int, last: int, radii: FloatArray, sensors: AnyArray, model: Any
 ) -> None:
     """Advance every filter, its probability and the merged estimate of lanes first .. last - 1 by
     one tick. block: with the fields of `memory.MEASURED`, and `estimate` and `covariance` of the

@@ -41,7 +41,6 @@ FILES: dict[type, Any] = {
     DenseImmBank: imm,
 }
 """The file of each bank."""
-READERS = {bank: reader(bank) for bank in FILES}
 
 
 def _of_file(name: str) -> Any:
@@ -49,6 +48,6 @@ def _of_file(name: str) -> Any:
     return selected(lambda bank: getattr(FILES[bank.instance_class], name))
 
 
-bank_of = selected(lambda bank: READERS[bank.instance_class])
+bank_of = selected(lambda bank: reader(bank.instance_class))
 begin, step, begin_imm, step_imm = map(_of_file, ("begin", "step", "begin_imm", "step_imm"))
 covariance, predicted_position = map(_of_file, ("covariance", "predicted_position"))

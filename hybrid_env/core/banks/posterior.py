@@ -6,26 +6,17 @@ hypothesis needs one exponential in a tick.
 from collections.abc import Callable
 from typing import Any
 
+from hybrid_env.core.arrays import FloatArray, IntArray
 from hybrid_env.core.banks.bank import estimate_of
-from hybrid_env.core.compilation import formula, internal
+from hybrid_env.core.compilation import internal
 from hybrid_env.core.elementary import exp
-from hybrid_env.core.memory import (
-    FloatArray,
-    IntArray,
-    Triangle4,
-    state_of,
-    triangle_of,
-    write_lane,
-)
+from hybrid_env.core.memory import Triangle4, state_of, triangle_of, write_lane
 from hybrid_env.core.vectors import combination, minus_square
-
-# Logarithms of smaller ratios of likelihoods count as this one.
-NEGLIGIBLE = -100.0
 
 NOTHING: Triangle4 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-@formula
+@internal
 def by_likelihood(kalman: Any) -> FloatArray:
     """Return the log-likelihoods of a filter: the log posterior, if the priors are equal."""
     values: FloatArray = kalman.log_likelihood
@@ -52,7 +43,8 @@ def compare(bank: Any, log_posterior: Callable[[Any], FloatArray], first: int, l
         values = log_posterior(hypotheses[h])
         likelihoods = bank.likelihoods[h]
         for lane in range(first, last):
-            likelihood = exp(max(values[lane] - sums.largest[lane], NEGLIGIBLE))
+            # The logarithm of a smaller ratio counts as -100.
+            likelihood = exp(max(values[lane] - sums.largest[lane], -100.0))
             likelihoods[lane] = likelihood
             # A sum with that of the likeliest, 1, would lose the digits of small terms.
             sums.others[lane] += 0.0 if sums.likeliest[lane] == h else likelihood

@@ -9,11 +9,12 @@ the anchor-aware one with an exact anchor.
 import math
 from typing import Any
 
+from hybrid_env.core.arrays import AnyArray, FloatArray
 from hybrid_env.core.banks.bank import radius_column, set_estimate, signed_radius
 from hybrid_env.core.banks.filter import condition_x, log_likelihood
-from hybrid_env.core.compilation import formula, internal
+from hybrid_env.core.compilation import internal
 from hybrid_env.core.elementary import log
-from hybrid_env.core.memory import FloatArray, PublishedBank, Records, State, Triangle4
+from hybrid_env.core.memory import PublishedBank, State, Triangle4
 from hybrid_env.core.motion import (
     bank_turn_rate,
     heading_vector,
@@ -22,9 +23,6 @@ from hybrid_env.core.motion import (
     turn_centre,
 )
 from hybrid_env.core.vectors import sandwich
-
-Axis = tuple[float, float, float]
-"""Covariance of (position, velocity) of one axis: xx, xv, vv [m^2, m^2/s, m^2/s^2]."""
 
 
 @internal
@@ -60,16 +58,18 @@ def begin(
         kalman.centre_x[lane], kalman.centre_y[lane] = centre_x, centre_y
 
 
-@formula
-def _predicted(shared: Any, lane: int, process_variance: float) -> Axis:
-    """Return the predicted covariance xx, xv, vv of one radius and axis."""
+@internal
+def _predicted(shared: Any, lane: int, process_variance: float) -> tuple[float, float, float]:
+    """Return the predicted covariance xx, xv, vv of (position, velocity) of one radius and axis
+    [m^2, m^2/s, m^2/s^2].
+    """
     C, S, W = shared.cosine[lane], shared.sine_velocity[lane], shared.sine_position[lane]
     p = shared.xx[lane], shared.xv[lane], shared.vv[lane]
     xx, xv, vv = sandwich(((C, S), (-W, C)), p)
     return xx, xv, vv + process_variance
 
 
-@formula
+@internal
 def predict_estimate(kalman: Any, shared: Any, lane: int) -> State:
     """Return the predicted estimate [x, vx, y, vy] of a filter. Golubkov 2018, eq. (2)."""
     C = shared.cosine[lane]
@@ -88,7 +88,7 @@ def step(
     first: int,
     last: int,
     measured: Any,
-    sensors: Records,
+    sensors: AnyArray,
     model: Any,
 ) -> None:
     """Advance filters lowest .. stop - 1, all or one, and their log-likelihoods of lanes first ..

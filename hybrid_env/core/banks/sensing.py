@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from hybrid_env.core.arrays import AnyArray, FloatArray
 from hybrid_env.core.banks.filter import (
     DIVERGED,
     LARGEST,
@@ -21,7 +22,7 @@ from hybrid_env.core.banks.filter import (
 )
 from hybrid_env.core.compilation import inlined, internal
 from hybrid_env.core.elementary import log
-from hybrid_env.core.memory import MOST_RATES, FloatArray, Records, State
+from hybrid_env.core.memory import MOST_RATES, State
 from hybrid_env.core.polar import BEARING, RANGE, VELOCITY_X, VELOCITY_Y, range_rate
 from hybrid_env.core.vectors import Vector, combination, minus_square, rows_of, widened
 
@@ -126,7 +127,7 @@ def _rate_model(
 
 
 @inlined
-def _senses(measured: Any, lane: int, sensors: Records) -> bool:
+def _senses(measured: Any, lane: int, sensors: AnyArray) -> bool:
     """Return whether anything beside a position is measured."""
     for k in range(sensors.size):
         for row in range(sensors[k].rates):
@@ -142,7 +143,7 @@ def correct_by_sensors(
     motion: Any,
     measured: Any,
     lane: int,
-    sensors: Records,
+    sensors: AnyArray,
     model: Any,
 ) -> Corrected:
     """Return a filter corrected by all that is measured in a tick: a position, and other numbers of

@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from agents.training.recipe import load_recipe, recipe_names, recipe_of
+from agents.training.recipe import load_recipe, package_recipes, recipe_of
 from hybrid_env.checks import ArgumentError
 
 ENV = "hybrid_env:HybridTrackPublished-v0"
@@ -43,7 +43,7 @@ def test_recipes_are_read_changed_written_and_read_again(tmp_path):
 
 
 def test_the_recipes_of_the_package_are_read_written_and_read_again():
-    for name in recipe_names():
+    for name in package_recipes():
         recipe = load_recipe(name, ENV)
         again = json.loads(json.dumps(recipe.as_json()))
         assert recipe_of(again["name"], again["entry"]).as_json() == recipe.as_json()

@@ -85,9 +85,9 @@ def test_classes_and_objects_are_found(source):
 def test_a_module_and_an_entry_point_are_found(source, monkeypatch):
     source.rename(source.with_name("rules_of_a_package.py"))
     assert find_decider("rules_of_a_package:Patient", OPTIONS).title == "patient rule"
-    point = EntryPoint("patient", "rules_of_a_package:Patient", external.ENTRY_POINTS)
+    point = EntryPoint("patient", "rules_of_a_package:Patient", "hybridtrack.deciders")
     monkeypatch.setattr(
-        external, "entry_points", lambda group: [point] if group == external.ENTRY_POINTS else []
+        external, "entry_points", lambda group: [point] if group == "hybridtrack.deciders" else []
     )
     assert find_decider("patient:2", OPTIONS).threshold == 2
     with pytest.raises(ArgumentError, match="did you mean 'patient'"):

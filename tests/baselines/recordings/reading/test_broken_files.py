@@ -12,7 +12,6 @@ import pytest
 from hostile_input import accepted, attack, damaged
 
 from baselines.recordings.reading import files
-from baselines.recordings.reading.files import Limits
 from baselines.recordings.reading.read import read_recordings
 from hybrid_env.checks import ArgumentError
 
@@ -119,7 +118,7 @@ def test_size_and_rows_are_bounded(read, tmp_path, monkeypatch):
     os.truncate(path, 250_000_001)
     with pytest.raises(ArgumentError, match="megabytes, at most 250"):
         read_recordings(path)
-    monkeypatch.setattr(files, "LIMITS", Limits(rows=29))
+    monkeypatch.setitem(files.LIMITS, "rows", 29)
     with pytest.raises(ArgumentError, match="30 rows, at most 29"):
         read(PARQUET)
 
