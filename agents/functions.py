@@ -11,8 +11,8 @@ from typing import Any
 
 from rich.progress import Progress
 
-from agents.commands.compare import Compare
-from agents.evaluation.comparison import Comparison
+from agents.comparison.comparison import Comparison
+from agents.comparison.plan import Plan
 from agents.evaluation.registry import find_decider, load_decider
 from agents.evaluation.task import sweep, task_of
 from agents.interface.world_arguments import DEFAULT_ENV
@@ -86,7 +86,7 @@ def compare(
         ArgumentError: an argument is not allowed.
     """
     given = {"deciders": tuple(deciders), "env": env_id, **options}
-    plan = of_keywords(Compare, given).completed()
+    plan = of_keywords(Plan, given).completed()
     return plan.compare(None if out is None else Path(out), Progress(disable=True))
 
 

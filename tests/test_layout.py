@@ -13,7 +13,7 @@ LAYERS = {
     "baselines": ("estimation", "scoring", "rules", "recordings"),
     "agents": (
         *("interface", "figures", "learned", "evaluation", "training", "algorithms"),
-        *("recordings", "commands", "functions", "cli"),
+        *("comparison", "recordings", "functions", "commands", "cli"),
     ),
 }
 SOURCES = [

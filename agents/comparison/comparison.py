@@ -25,7 +25,7 @@ from baselines.scoring.scores import Scores
 class Comparison:
     """Results of a comparison."""
 
-    # With all its values, see `Compare.completed`.
+    # With all its values, see `Plan.completed`.
     plan: Any
     # Results of all deciders; the first is the reference.
     entries: Sequence[Result]

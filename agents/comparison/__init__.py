@@ -1,0 +1,1 @@
+"""Deciders on the same episodes: the plan, which does the work, and what was found."""
