@@ -77,6 +77,7 @@ def find_begins(
         # Of all pieces only the ways that count, and the abrupt one.
         counts = abrupt + shares.max(0) > 0.01
         shares, times = shares[:, counts], GRADUAL[counts]
+        shares /= shares.sum(1, keepdims=True)
         compared, _ = smoother.compare(numbers + 1, times, stride, process_share)
     of_shifts = softmax(compared, axis=2)
     begins, moments = pieces[:, 0].copy(), pieces[:, [0, 0]]

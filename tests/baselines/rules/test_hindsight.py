@@ -72,6 +72,25 @@ def test_gradual_turns_begin_when_the_curvature_does():
     assert np.mean(held) > 0.84
 
 
+def test_gradual_turns_of_many_pieces_begin_when_the_curvature_does():
+    """Of so many pieces not all are asked how they begin."""
+    options = QuickestOptions(
+        speed=20.0, radii=(200.0,), tau=1.0, measurement_variance=4.0, durations="geometric 40"
+    )
+    scheme = " ".join(f"{side}4r400 {side}36r200 S40" for side in "LR" * 70)
+    known = {"tau": 1.0, "process_variance": 1e-3, "measurement_variance": 4.0}
+    z = simulate(scheme, seed=0, start=(0.0, 20.0, 0.0, 0.0), **known).measurements[0]
+    result = smooth_modes(z, options, process_share=0.3)
+
+    begins = np.arange(0, len(z), 40)
+    assert len(result.pieces) == len(begins) == 280
+    assert (np.abs(result.pieces[:, 0] - begins) <= 2).mean() > 0.9
+    low, high = result.moments.T
+    # The probability of each is 0.95.
+    assert ((low <= begins) & (begins <= high)).mean() > 0.9
+    assert (high - low).max() <= 20
+
+
 def test_an_outlier_is_no_switch_with_a_robust_likelihood():
     clean = seen("S120", 7)
     z = clean.copy()
