@@ -8,7 +8,7 @@ the log-likelihood ratios to the mode decided last, and decides when one of them
 
 # %%
 # A recording of four segments, simulated with the model of the paper. It is an array of positions; the first tick of
-# every segment is known, the modes are not.
+# every segment is known, and so is where the object starts; the modes are not.
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -19,7 +19,8 @@ from hybrid_env.simulation import simulate
 from studies.papers.ate import track_ate
 
 radii = [5.0]  # hypotheses: straight, left turn, right turn
-recording = simulate("S50 L60r5 R75r5 S50", seed=3)
+start = (0.0, 0.0, 0.0, 2.0)  # x, vx, y, vy one tick before the first measurement
+recording = simulate("S50 L60r5 R75r5 S50", seed=3, start=start)
 measurements = recording.measurements[0]
 print(measurements.shape, recording.lengths)
 
@@ -28,7 +29,7 @@ print(measurements.shape, recording.lengths)
 # are below the lower one.
 
 alpha = 1e-3
-tracks = track_ate(recording.measurements, recording.lengths, radii=radii, alpha=alpha)
+tracks = track_ate(recording.measurements, recording.lengths, start, radii=radii, alpha=alpha)
 decided, decision_ticks = tracks.decided[0], tracks.ticks[0]
 upper, lower = sprt_thresholds(alpha)
 begins = np.cumsum(recording.lengths) - recording.lengths

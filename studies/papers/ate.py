@@ -30,12 +30,14 @@ class Tracks(NamedTuple):
         decided: (n, K) decided mode of each segment.
         ticks: (n, K) decision time since the switch [ticks]; the segment length if undecided.
         undecided: (n, K) True if the segment ended without a decision.
+        ratios: (n, T, M) log-likelihood ratios to the active hypothesis, NaN after the decision.
     """
 
     estimates: FloatArray
     decided: IntArray
     ticks: IntArray
     undecided: NDArray[np.bool_]
+    ratios: FloatArray
 
 
 class PublishedFilters:
@@ -171,13 +173,14 @@ def _run_ate(
         ticks = np.full(runs.size, part.shape[1])
         # Numbers of the chosen filter at the decision.
         numbers = np.zeros((runs.size, 1, 9), np.complex128)
-        outputs, every = [], []
+        outputs, ratios_of, every = [], [], []
         for k, measured in enumerate(part.swapaxes(0, 1), start=1):
             filters.step(measured)
             likelihood = filters.log_likelihood
             every.append(filters.estimates)
             outputs.append(every[-1][runs, active])
             ratio = likelihood - likelihood[runs, first][:, None]
+            ratios_of.append(np.where(done[:, None], np.nan, ratio))
             tested = running & (np.arange(shape[1]) != first[:, None])
             largest = np.where(tested, ratio, -np.inf)
             running = running & (ratio > lower)
@@ -205,7 +208,8 @@ def _run_ate(
                 output[done, k] = alone.estimates[done, 0]
             last = np.where(done[:, None], output[:, -1], last)
         anchor = last
-        results.append((output, active, ticks, ~done))
-    estimates, *of_segments = zip(*results, strict=True)
+        results.append((output, active, ticks, ~done, np.stack(ratios_of, axis=1)))
+    estimates, *of_segments, of_ticks = zip(*results, strict=True)
     decided, times, missed = (np.stack(parts, axis=1) for parts in of_segments)
-    return Tracks(np.concatenate(estimates, axis=1), decided, times, missed)
+    ratios = np.concatenate(of_ticks, axis=1)
+    return Tracks(np.concatenate(estimates, axis=1), decided, times, missed, ratios)
