@@ -37,3 +37,11 @@ def test_a_file_imports_only_what_its_folder_may(path):
         assert (other, part) not in {("numba", "core"), ("numba", "np")}
         assert name != "llvmlite.binding" or path.name == "bitcode.py"
         assert other != "llvmlite" or part == "binding"
+
+
+@pytest.mark.parametrize(
+    ("name", "file"), [("instance_class", "banks/operations.py"), (".nb?", "compilation.py")]
+)
+def test_what_leans_on_names_inside_numba_stands_in_one_file(name, file):
+    using = [path for path in SOURCES if name in path.read_text(encoding="utf-8")]
+    assert using == [ROOT / "hybrid_env/core" / file]

@@ -5,9 +5,8 @@ from typing import Annotated
 
 from annotated_types import Interval, MaxLen
 
-from agents.learned.torch_defaults import Units
 from agents.training.library import LibraryAlgorithm
-from agents.training.library_settings import LibrarySettings
+from agents.training.library_settings import Layer, LibrarySettings
 from agents.training.settings import Factor
 from hybrid_env.checks import Count, NotNegative, check_integer
 
@@ -53,4 +52,4 @@ class DQN(LibraryAlgorithm):
 
     name = "dqn"
     Settings = QSettings
-    policy_types = {"net_arch": Annotated[tuple[Units, ...], MaxLen(8)]}  # noqa: RUF012
+    policy_types = {"net_arch": Annotated[tuple[Layer, ...], MaxLen(8)]}  # noqa: RUF012

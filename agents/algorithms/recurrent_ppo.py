@@ -6,7 +6,7 @@ from annotated_types import Interval
 from torch import Tensor
 
 from agents.algorithms.ppo import PPO
-from agents.learned.torch_defaults import Units
+from agents.training.library_settings import Layer
 
 
 class RecurrentPPO(PPO):
@@ -16,7 +16,7 @@ class RecurrentPPO(PPO):
     policy = "MlpLstmPolicy"
     policy_types = {  # noqa: RUF012
         **PPO.policy_types,
-        "lstm_hidden_size": Units,
+        "lstm_hidden_size": Layer,
         "n_lstm_layers": Annotated[int, Interval(ge=1, le=2)],
         "enable_critic_lstm": bool,
     }

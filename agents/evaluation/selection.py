@@ -35,7 +35,7 @@ def select_threshold(task: Task, decider: Decider, episodes: int) -> float:
     thresholds = few if decider.thresholds == ALPHAS else decider.thresholds
     # At most 13, spread over those of the decider.
     thresholds = thresholds[:: -(-len(thresholds) // 13)]
-    count = min(episodes, 1000)
+    count = min(episodes, seeds.SELECTION_EPISODES)
     scores = sweep(task, decider, count, seeds.SELECTION, thresholds=thresholds)
     return thresholds[task.best(scores)]
 

@@ -13,6 +13,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from baselines.rules import seeds
 from baselines.rules.decider import ANNOUNCED, UNKNOWN, Decider, rules
 from baselines.rules.rollout import batch_size, record_decisions, record_in, statement_env
 from baselines.scoring import decisions, statements
@@ -206,7 +207,7 @@ class AnnouncedTask(Task):
     unit = "segment"
     largest = 10_000_000
     episodes = 1500
-    selection_episodes = 1000
+    selection_episodes = seeds.SELECTION_EPISODES
 
     @property
     def deciders(self) -> tuple[str, ...]:

@@ -12,8 +12,8 @@ from annotated_types import Interval
 from baselines.rules.decider import Decider
 from hybrid_env.rendering.evidence import EvidencePanel
 
-# Units of a hidden layer, of which a file may not ask for more.
-Units: TypeAlias = Annotated[int, Interval(ge=1, le=1024)]
+# Units of a hidden layer.
+Units: TypeAlias = Annotated[int, Interval(ge=1, le=512)]
 
 
 @contextmanager

@@ -27,10 +27,9 @@ from torch.utils.tensorboard import SummaryWriter
 from agents.evaluation.task import task_of
 from agents.learned.policy import Actor, ObservationFeatures, actor_decider, read_actor
 from agents.learned.policy_file import LAYOUTS, SavedPolicy, first_line, unreadable_policy
-from agents.learned.torch_defaults import Units
 from agents.training import checkpoint, run_folder
 from agents.training.algorithm import Algorithm, OnRound, TrainingProgress
-from agents.training.library_settings import LibrarySettings
+from agents.training.library_settings import Layer, LibrarySettings
 from agents.training.settings import learning_rate_schedule
 from agents.training.vec_env import HybridTrackVecEnv
 from baselines.rules import seeds
@@ -129,7 +128,7 @@ class LibraryAlgorithm(Algorithm):
     policy: ClassVar[str] = "MlpPolicy"
     """Class of the policy."""
     policy_types: ClassVar[Mapping[str, Any]] = {
-        "net_arch": Annotated[tuple[Units, ...], Len(1, 8)],
+        "net_arch": Annotated[tuple[Layer, ...], Len(1, 8)],
         "ortho_init": bool,
     }
     """Declared types of the keyword arguments of the policy."""

@@ -6,8 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
+from annotated_types import Interval
+
 from agents.training.settings import Factor, check_rate
 from hybrid_env.checks import Checked, Count, declared_fields
+
+# Units of a layer, of which a file may not ask for more.
+Layer = Annotated[int, Interval(ge=1, le=1024)]
 
 
 @dataclass(frozen=True, kw_only=True)

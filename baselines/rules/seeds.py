@@ -2,6 +2,8 @@
 
 # Thresholds are selected on episodes from here on; reported ones use smaller seeds.
 SELECTION = 1_000_000_000
+# To select a threshold on.
+SELECTION_EPISODES = 1000
 # 2_000_000_000: free.
 # Learning curves are evaluated.
 LEARNING_CURVE = 3_000_000_000

@@ -45,7 +45,7 @@ class Statements(NamedTuple):
 @dataclass(frozen=True)
 class StatementMetrics:
     """Values of N tracks of T ticks, (N,) each, and delays; for what is detected and missed see
-    `timelines.find_switches`.
+    `timelines.Switches`.
     """
 
     # (D,) ticks from each detected switch to the first right statement, 0 if at its first tick.

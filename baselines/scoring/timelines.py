@@ -31,21 +31,26 @@ class Timeline(NamedTuple):
     samples: BoolArray
 
 
-def find_switches(
-    modes: IntArray, stated: IntArray, times: AnyArray
-) -> tuple[IntArray, IntArray, IntArray, BoolArray, BoolArray, FloatArray]:
-    """Return the S switches of true modes (T, N), and when statements (T, N) follow them.
+class Switches(NamedTuple):
+    """The S switches of the true mode on N tracks of T moments, (S,) each."""
 
-    Args:
-        modes, stated: of N tracks of T moments.
-        times: (T + 1,) of the moments and of the end, in any unit; ticks are times, too.
+    # Index of the track.
+    track: IntArray
+    # First moment of the new mode.
+    begin: IntArray
+    # Moment of the next switch, or T.
+    end: IntArray
+    # The new mode is stated before the next switch, or the end of the track.
+    detected: BoolArray
+    # Not detected, and there is a next switch; an undetected last switch is neither.
+    missed: BoolArray
+    # Time until the first right statement, the next switch or the end of the track.
+    waited: FloatArray
 
-    Returns:
-        (S,) each: index of the track; first moment of the new mode; moment of the next switch, or
-        T; whether it is detected: the new mode is stated before the next switch, or the end of the
-        track; whether it is missed: not detected, and there is a next switch, so that an undetected
-        last switch is neither; time until the first right statement, the next switch or the end of
-        the track.
+
+def find_switches(modes: IntArray, stated: IntArray, times: AnyArray) -> Switches:
+    """Return the switches of true modes (T, N), and when statements (T, N) follow them. times: (T +
+    1,) of the moments and of the end, in any unit; ticks are times, too.
     """
     T = len(modes)
     track, before = np.nonzero(np.diff(modes, axis=0).T)
@@ -57,7 +62,7 @@ def find_switches(
     first = np.minimum.accumulate(right[::-1], axis=0)[::-1][begin, track]
     detected = first < end
     waited = times[np.minimum(first, end)] - times[begin]
-    return track, begin, end, detected, ~detected & (end < T), waited
+    return Switches(track, begin, end, detected, ~detected & (end < T), waited)
 
 
 class TimelineCounts(NamedTuple):
@@ -141,8 +146,7 @@ def count_timeline(
         return np.bincount(places[rows], values, int(places[-1]) + 1).astype(float)
 
     switches = find_switches(modes[:, None], stated[:, None], np.append(times, times[-1]))
-    _, begin, end, *_ = switches
-    enough = 2 * (known[end] - known[begin]) >= end - begin
+    enough = 2 * (known[switches.end] - known[switches.begin]) >= switches.end - switches.begin
     _, begin, _, detected, missed, waited = (values[enough] for values in switches)
     counted = detected | missed
     back = modes[begin] == normal

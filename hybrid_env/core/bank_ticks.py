@@ -13,6 +13,9 @@ from hybrid_env.core.banks.bank import estimate_of, filter_model
 from hybrid_env.core.compilation import seldom, stay_apart
 from hybrid_env.core.memory import BANK_COLUMNS, LANES
 
+ESTIMATES = BANK_COLUMNS["innovations"] + BANK_COLUMNS["innovation_covariances"]
+COVARIANCES = ESTIMATES + BANK_COLUMNS["estimates"]
+
 
 @seldom
 def write_innovations(
@@ -53,11 +56,10 @@ def write_corrected(bank_ticks: FloatArray, b: int, first: int, last: int, bank:
     for lane in range(first, last):
         for h in range(bank.hypotheses.size):
             row = bank_ticks[b * LANES + lane, h]
-            # Behind the innovation and its covariance.
             for k, value in enumerate(estimate_of(bank.hypotheses, h, lane)):
-                row[5 + k] = value
+                row[ESTIMATES + k] = value
             for k, value in enumerate(operations.covariance(bank, h, lane)):
-                row[9 + k] = value
+                row[COVARIANCES + k] = value
 
 
 def read_bank_ticks(rows: FloatArray) -> dict[str, FloatArray]:
