@@ -47,7 +47,7 @@ for process_variance in (0.001, 0.01):
         measurements, truth = entered_turn(entry, runs=1000)
         result = track_ate(
             measurements, lengths, start, radii=[radius], tau=tau, measurement_variance=variance,
-            process_variance=process_variance,
+            process_variance=process_variance, undecided="likeliest",
         )  # fmt: skip
         shares.append(100.0 * np.mean(result.decided[:, 1] == 1))
         ticks.append(result.ticks[:, 1].mean())

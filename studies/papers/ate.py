@@ -139,16 +139,18 @@ def _run_ate(
     starts: FloatArray,
     *,
     alpha: float = 1e-3,
+    undecided: Literal["keep", "likeliest"] = "keep",
     recalculation: Literal["none", "as_published", "rewind", "literal"] = "none",
     reference: Literal["active", "straight"] = "active",
 ) -> Tracks:
-    """Estimate trajectories with the test of Golubkov 2018, algorithm 1. The last decided mode is
-    kept in a segment without a decision.
+    """Estimate trajectories with the test of Golubkov 2018, algorithm 1.
 
     Args:
         filters, measurements, lengths: as of `track_ate`.
         starts: (n, 4) estimates one tick before the first measurement; P is the identity.
         alpha: error probability of both types.
+        undecided: mode of a segment that ends without a decision: "keep" for the last decided mode,
+            as published, "likeliest" for the most likely hypothesis.
         recalculation: whether the chosen filter recomputes the estimates from the switch to the
             decision (Tsyganov 2019, lines 16 to 21). "literal" restores nothing, as these lines are
             printed. "as_published", with which the published table comes out, restores the estimate
@@ -192,6 +194,8 @@ def _run_ate(
             done = done | new
             if recalculation in ("as_published", "literal"):
                 numbers[new, 0] = filters.numbers[new, chosen[new]]
+        if undecided == "likeliest":
+            active = np.where(done, active, likelihood.argmax(1))
         output, last = np.stack(outputs, axis=1), every[-1][runs, active]
         if recalculation == "rewind":
             before = (np.arange(part.shape[1]) < ticks[:, None]) & done[:, None]

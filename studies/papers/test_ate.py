@@ -38,12 +38,12 @@ def record_episodes(tracks: int, alpha: float, **options):
 
 
 # The ratios of the first are far outside the clipping range of the observation.
-@pytest.mark.parametrize("alpha", [1e-10, 1e-3])
-def test_ate_on_recordings_decides_and_estimates_as_in_the_environment(alpha):
-    radii = tuple(range(1, 11))
-    for start, trace, made in record_episodes(15, alpha, radii=radii, undecided="keep"):
+@pytest.mark.parametrize(("alpha", "undecided"), [(1e-10, "likeliest"), (1e-3, "keep")])
+def test_ate_on_recordings_decides_and_estimates_as_in_the_environment(alpha, undecided):
+    options = {"radii": tuple(range(1, 11)), "undecided": undecided}
+    for start, trace, made in record_episodes(15, alpha, **options):
         lengths = made[:, 3].astype(int)
-        tracks = track_ate(trace[None, :, MEASURED], lengths, start, alpha=alpha, radii=radii)
+        tracks = track_ate(trace[None, :, MEASURED], lengths, start, alpha=alpha, **options)
         np.testing.assert_array_equal(tracks.decided[0], made[:, 0])
         np.testing.assert_array_equal(tracks.ticks[0], made[:, 1])
         np.testing.assert_array_equal(tracks.undecided[0], made[:, 2])
