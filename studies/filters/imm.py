@@ -74,7 +74,6 @@ class IMMFilter(TrackFilter):
             track_filter.begin(tracks)
         self._log_probabilities = np.tile(np.log(self._stationary), (tracks, 1))
         self._merge()
-        self.log_likelihood = np.zeros(self.tracks)
 
     def begin_from(self, state: ArrayLike, covariance: ArrayLike) -> None:
         """Forget everything and begin all tracks with estimates (B, n) and their covariances
@@ -123,8 +122,7 @@ class IMMFilter(TrackFilter):
             track_filter.update(measurement, noise)
         each = np.stack([track_filter.log_likelihood for track_filter in self.filters], axis=-1)
         joint = self._log_probabilities + each
-        self.log_likelihood = logsumexp(joint, axis=1)
-        posterior = joint - self.log_likelihood[:, None]
+        posterior = joint - logsumexp(joint, axis=1, keepdims=True)
         self._log_probabilities = np.maximum(posterior, np.log(self.smallest))
         self._merge()
 

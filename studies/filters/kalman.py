@@ -26,6 +26,9 @@ class KalmanFilter(TrackFilter):
     """
 
     covariance: FloatArray
+    # (B,) of the last measurement given those before; 0 without a measurement and for the one that
+    # begins a track.
+    log_likelihood: FloatArray
 
     def __init__(
         self,

@@ -24,9 +24,6 @@ class TrackFilter(ABC):
     state: FloatArray
     # (B, n, n) of the state; None if the filter has none.
     covariance: FloatArray | None
-    # (B,) of the last measurement given those before; 0 without a measurement and for the one that
-    # begins a track; NaN if the filter has no likelihood.
-    log_likelihood: FloatArray
 
     @property
     def tracks(self) -> int:

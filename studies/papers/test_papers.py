@@ -9,6 +9,8 @@ from matrix_filters import MatrixKalmanFilter
 
 from agents import run_command
 from hybrid_env import simulate
+from studies.filters.gains import AdaptiveFilter
+from studies.filters.run_filter import run_filter
 from studies.papers import golubkov2018, golubkov2020, tsyganov2019, zimchuk
 from studies.papers.__main__ import Reproduce
 from studies.papers.published import intervals
@@ -102,5 +104,5 @@ def test_an_axis_is_filtered_by_the_published_scalar_formulas():
         x, v = x + K[0] * nu[0], v + K[1] * nu[0]
         positions.append(x)
 
-    ours = zimchuk.adaptive_positions(measured[:, None, None])[:, 0, 0]
+    ours = run_filter(AdaptiveFilter(1), measured[:, None, None], zimchuk.TIMES).positions[:, 0, 0]
     np.testing.assert_allclose(ours, positions, rtol=1e-7)

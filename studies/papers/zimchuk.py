@@ -3,7 +3,7 @@
 An object is measured every 0.1 s with R = 25 m^2. It moves uniformly from 0 to 20 s and from 30 to
 50 s, with an acceleration of 20 m/s^2 from 20 to 30 s, and with one that grows by 2 m/s^3 from 50
 to 70 s. Here all three axes move like this, and a run is one of them. The paper does not state the
-mean M of its estimates, the start, limits of the gains (see `adaptive_positions`), the number of
+mean M of its estimates, the start, limits of the gains (see `AdaptiveFilter`), the number of
 runs, or the process noise of its Kalman filter; 4.64 m/s^2 is that with which its first manoeuvre
 comes out. The pattern of the table is reproduced, its numbers are not: the adaptive filter follows
 a manoeuvre about three times better than the Kalman filter.
@@ -12,6 +12,7 @@ a manoeuvre about three times better than the Kalman filter.
 import numpy as np
 
 from studies.arrays import FloatArray
+from studies.filters.gains import AdaptiveFilter
 from studies.filters.kalman import KalmanFilter
 from studies.filters.motion_models import MotionModel
 from studies.filters.run_filter import run_filter
@@ -35,49 +36,6 @@ def true_position() -> FloatArray:
     return 100.0 * TIMES + 10.0 * turning**2 + 200.0 * after + growing**3 / 3.0
 
 
-def adaptive_positions(measured: FloatArray, limited: bool = True) -> FloatArray:
-    """Positions by the adaptive filter of each axis, as the measurements (T, n, d).
-
-    It has no model of the noises: its gain is identified from the innovations nu and the third
-    backward differences D^3 of the predictions x_e, v_e, by eqs. (5) and (17). With nu_i the
-    innovation i ticks ago and the mean M over all ticks so far,
-
-        K_1 = M[(3 nu_1 - 3 nu_2 + nu_3 - D^3 x_e) nu] / M[nu nu]
-        K_2 = M[((3 nu_1 - 6 nu_2 + 4 nu_3 - nu_4) / T - D^3 v_e) nu] / M[nu nu]
-
-    The first gains are those of a line fit. If `limited`, which the paper does not state, they are
-    those of a stable filter, 0 <= K_1 <= 1 and 0 <= K_2 <= K_1^2 / ((2 - K_1) T).
-    """
-    position, velocity = measured[0], np.zeros(measured[0].shape)
-    positions = [position]
-    # Innovations of the last ticks, the newest first; NaN before the first one.
-    innovations = np.full((5, *position.shape), np.nan)
-    predictions = np.full((4, 2, *position.shape), np.nan)
-    means = np.zeros((3, *position.shape))
-    count = 0
-    for n, values in enumerate(measured[1:], start=2):
-        position = position + TAU * velocity
-        innovation = values - position
-        innovations = np.stack([innovation, *innovations[:-1]])
-        predictions = np.stack([np.stack([position, velocity]), *predictions[:-1]])
-        first, second = 2.0 * (2 * n - 1) / (n * (n + 1)), 6.0 / (n * (n + 1) * TAU)
-        of_position = np.tensordot([0.0, 3.0, -3.0, 1.0, 0.0], innovations, 1)
-        of_velocity = np.tensordot([0.0, 3.0, -6.0, 4.0, -1.0], innovations, 1) / TAU
-        third = np.tensordot([1.0, -3.0, 3.0, -1.0], predictions, 1)
-        spread = np.stack([innovation, of_position - third[0], of_velocity - third[1]])
-        if not np.isnan(spread).any():
-            count += 1
-            means += (spread * innovation - means) / count
-        if count > 10:
-            first, second = means[1:] / means[0]
-            if limited:
-                first = np.clip(first, 0.0, 1.0)
-                second = np.clip(second, 0.0, first**2 / ((2.0 - first) * TAU))
-        position, velocity = position + first * innovation, velocity + second * innovation
-        positions.append(position)
-    return np.stack(positions)
-
-
 def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
     """Table 1, and other filters on the same measurements.
 
@@ -90,10 +48,12 @@ def reproduce(runs: int = 1000, seed: int = 0) -> Reproduction:
     model = MotionModel("CV", axes=3, noise=4.64**2, discretization="discrete")
     kalman = KalmanFilter(model, VARIANCE, start_deviations=(1000.0,))
     results = {
-        ADAPTIVE: adaptive_positions(measurements),
+        ADAPTIVE: run_filter(AdaptiveFilter(axes=3), measurements, TIMES).positions,
         SLOW: run_filter(kalman, measurements, TIMES).positions,
         "measurements": measurements,
-        "adaptive, without limits": adaptive_positions(measurements, limited=False),
+        "adaptive, without limits": run_filter(
+            AdaptiveFilter(axes=3, limited=False), measurements, TIMES
+        ).positions,
     }
     rows = {}
     for name, positions in results.items():

@@ -15,12 +15,12 @@ from optuna.distributions import BaseDistribution, FloatDistribution, IntDistrib
 
 from studies.arrays import FloatArray
 from studies.filters.correction import StudentT
+from studies.filters.gains import AdaptiveFilter, GHFilter
 from studies.filters.imm import IMMFilter
 from studies.filters.kalman import KalmanFilter
 from studies.filters.motion_models import MotionModel
 from studies.filters.run_filter import Estimates, run_filter
 from studies.filters.track_filter import TrackFilter
-from studies.radar.alternatives import GHFilter
 from studies.radar.flights import SPEED
 from studies.radar.radars import SIGMA, Tracks
 
@@ -86,13 +86,19 @@ def _thesis_filter(name: Any, parameters: Parameters) -> TrackFilter:
     return ThesisKalmanFilter(model, SIGMA**2, deviations)
 
 
+# A track of a filter without covariance starts anew after this time without measurements [s], as
+# its velocity is of no use then.
+LONGEST_GAP = 4.0
+
+
 def _gh_filter(parameters: Parameters) -> TrackFilter:
-    """The g-h filter, or the g-h-k filter if k is given. A track starts anew after 4 s without
-    measurements, as its velocity is of no use then.
-    """
-    return GHFilter(
-        axes=3, g=parameters["g"], h=parameters["h"], k=parameters.get("k"), longest_gap=4.0
-    )
+    """The g-h filter, or the g-h-k filter if k is given."""
+    gains = {key: parameters[key] for key in ("g", "h", "k") if key in parameters}
+    return GHFilter(axes=3, **gains, longest_gap=LONGEST_GAP)
+
+
+def _adaptive_filter(parameters: Parameters) -> TrackFilter:
+    return AdaptiveFilter(axes=3, memory=parameters["memory"], longest_gap=LONGEST_GAP)
 
 
 def _sound_filter(names: Sequence[Any], parameters: Parameters) -> TrackFilter:
@@ -162,6 +168,8 @@ CONTENDERS = {
         }
         | _AVERAGE,
     ),
+    # Finds its gains, and needs no average.
+    "adaptive": Contender(_adaptive_filter, {"memory": (_log(5.0, 500.0), 50.0)}),
     # Without averaging; R of the Gaussian noise known, continuous process noise, a prior of the
     # start.
     "CV": _sound(("CV",), q_CV=(0.1, 1e3)),

@@ -7,12 +7,12 @@ import pandas as pd
 import pytest
 
 from agents import run_command
+from studies.filters.gains import GHFilter
 from studies.filters.kalman import KalmanFilter
 from studies.filters.motion_models import MotionModel
 from studies.filters.run_filter import run_filter
 from studies.radar import radars, tuning
 from studies.radar.__main__ import Radar
-from studies.radar.alternatives import GHFilter
 from studies.radar.dataset import load_radar_data, write_radar_data
 from studies.radar.filters import moving_average
 from studies.radar.radars import draw_noise, flight_errors
@@ -25,7 +25,7 @@ def test_the_quick_form_prints_its_tables(tmp_path, capsys):
     assert run_command(Radar, "radar", arguments) == 0
     assert (tmp_path / "scores.md").read_text() in capsys.readouterr().out
     values = json.loads((tmp_path / "scores.json").read_text())
-    assert [len(filters) for filters in values.values()] == [9, 9]
+    assert [len(filters) for filters in values.values()] == [10, 10]
 
 
 def test_the_same_seed_writes_the_same_bytes_and_the_split_is_that_of_the_study(tmp_path):
