@@ -14,6 +14,7 @@ from annotated_types import Ge
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from agents import task_of
 from baselines import record_statements
 from hybrid_env import ArgumentError, QuickestOptions
 from studies.shipped.random_worlds import log_uniform
@@ -25,8 +26,10 @@ from studies.simulators.given_tracks import GivenTracks
 class InexactSettings(StatementSettings):
     """Hyper-parameters of the agent for objects that move otherwise than told."""
 
-    # Worlds of a round, new ones in each.
+    # Worlds of a round, new ones in each: of objects that move otherwise than told, and of sensors
+    # with heavy tails.
     worlds: Annotated[int, Ge(1)]
+    heavy_tails: Annotated[int, Ge(0)] = 0
     durations: tuple[str, ...] = ()
 
 
@@ -39,7 +42,7 @@ class Inexact(Statements):
     @property
     def worlds_count(self) -> int:
         """See `Statements.worlds_count`."""
-        return self.settings.worlds
+        return self.settings.worlds + self.settings.heavy_tails
 
     def prepare(self) -> None:
         """See `Statements.prepare`."""
@@ -50,10 +53,13 @@ class Inexact(Statements):
 
     def draw_world(self, generator: Generator, number: int) -> QuickestOptions:
         """See `Statements.draw_world`."""
-        return draw_options(generator, replace(self.world, ticks=self.ticks))
+        draw = draw_options if number < self.settings.worlds else draw_sensor
+        return draw(generator, replace(self.world, ticks=self.ticks))
 
     def make_env(self, world: QuickestOptions, tracks: int) -> Any:
         """See `Statements.make_env`."""
+        if world.object_variance is not None:
+            return super().make_env(world, tracks)
         return GivenTracks(inexact_travel, world, tracks, likeliest=True)
 
 
@@ -86,6 +92,21 @@ def draw_options(generator: Generator, options: QuickestOptions) -> QuickestOpti
     radii = tuple(scale * radius for radius in options.radii)
     return replace(
         options, durations=law, hazard=hazard, measurement_variance=variance, radii=radii
+    )
+
+
+def draw_sensor(generator: Generator, options: QuickestOptions) -> QuickestOptions:
+    """Draw the motion and the noise of `HybridTrackQuickestRoad-v0`, of other sensors too."""
+    shortest = round(log_uniform(generator, 12.0, 60.0))
+    law = f"{shortest} + geometric {2 * shortest}"
+    noise = ("student_t 2", "student_t 4", "gaussian")[generator.choice(3, p=(0.5, 0.25, 0.25))]
+    road = replace(task_of("HybridTrackQuickestRoad-v0").options, ticks=options.ticks)
+    return replace(
+        road,
+        durations=law,
+        noise=noise,
+        measurement_variance=log_uniform(generator, 0.3, 3.0) * options.variances[0],
+        radii=tuple(log_uniform(generator, 0.7, 1.5) * radius for radius in options.radii),
     )
 
 
