@@ -1,20 +1,20 @@
 """Rows of an object that are no measurements of their own: they are left out and counted."""
 
-from collections.abc import Collection
 from itertools import combinations
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from baselines.recordings.reading.table import REPEATED, Table
+from baselines.recordings.reading.table import Table
 from baselines.recordings.reading.values import DAY
-from hybrid_env.checks import BoolArray, FloatArray, IntArray
+from hybrid_env.checks import BoolArray, FloatArray
 
 # Fewer steps do not tell how an object moves.
 FEWEST = 20
 # Reason of rows that may be of another object.
 ELSEWHERE = "repeated times at other places"
+REPEATED = "repeated times"
 STALE = "positions that a stale source repeats"
 SET_BACK = "times that the clock was set back, where a new piece begins"
 
@@ -93,28 +93,40 @@ def rows_of_times(table: Table, rows: pd.DataFrame) -> pd.DataFrame:
     axes = rows[["x", "y"]]
     apart = (axes - axes.groupby(rows.time).transform("first")).abs().max(axis=1)
     rows = table.without(rows, apart > 0.0, ELSEWHERE)
-    return table.without(rows, rows.time.duplicated(), table.repeats)
+    reason = STALE if "fix_time" in table.roles else REPEATED
+    return table.without(rows, rows.time.duplicated(), reason)
 
 
-def telling_columns(table: Table, rows: pd.DataFrame, used: Collection[int]) -> tuple[int, ...]:
-    """Return the column, or the two, that tell apart the objects of a file; none where no more than
-    a tenth of the rows repeats a time of its `object`. Times are unique in them, and from row to
-    row an object moves by less than the objects are apart at one time.
+def told_apart(table: Table, rows: pd.DataFrame) -> bool:
+    """Find the column, or the two, that tell apart the objects of a file, whose column `object`
+    they become; return False where no more than a tenth of the rows repeats a time of its object.
+    Times are unique in them, and from row to row an object moves by less than the objects are
+    apart at one time.
     """
     known = rows.dropna(subset=["time", "x", "y"])
     repeated = known.duplicated(["object", "time"]).sum()
     if repeated <= 0.1 * len(known):
-        return ()
+        return False
     apart = _median_step(known.sort_values("time", kind="stable"), ["object", "time"])
-    cells = table.frame.loc[known.index].drop(columns=[*used])
+    cells = table.frame.loc[known.index].drop(columns=[*table.roles.values()])
     few = [k for k in cells if 1 < cells[k].nunique() <= len(known) / 5 and cells[k].notna().all()]
     for columns in (*combinations(few[:10], 1), *combinations(few[:10], 2)):
         marked = known.join(cells[[*columns]]).sort_values("time")
         keys = ["object", *columns]
         unique = marked.duplicated([*keys, "time"]).sum() < 0.1 * repeated
         if unique and _median_step(marked, keys) < apart:
-            return columns
-    return ()
+            break
+    else:
+        return False
+    if "object" in table.roles:
+        columns = table.roles["object"], *columns
+    name = " and ".join(map(table.label, columns))
+    table.notes.append(f"{name!r} taken as object, as times repeat without it (--object)")
+    table.roles["object"] = columns[0]
+    if len(columns) > 1:
+        texts = table.frame[[*columns]].astype(str)
+        table.roles["object"] = table.add(name, texts.agg(" ".join, axis=1))
+    return True
 
 
 def _median_step(rows: pd.DataFrame, groups: list[Any]) -> float:
@@ -147,17 +159,20 @@ def fill_values(positions: FloatArray) -> BoolArray:
     return fills
 
 
-def stale_rows(positions: FloatArray) -> IntArray:
-    """Return which rows (k,) of positions (n, 2) repeat the last one, where a stale source gives
-    most of them several times. Rounded positions, which change by their last digit, are none.
+def fresh_rows(table: Table, rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows of an object without those whose position repeats the last one, where a stale
+    source gives most of them several times. Rounded positions, which change by their last digit,
+    are none.
     """
-    moved = np.append(True, (np.diff(positions, axis=0) != 0.0).any(axis=1))
-    fresh = np.flatnonzero(moved)
-    steps = np.abs(np.diff(positions[fresh], axis=0))
-    if len(fresh) < FEWEST or np.median(np.diff(fresh)) < 2.0:
-        return np.empty(0, int)
-    rounded = np.median(np.hypot(*steps.T)) < 5.0 * steps[steps > 0.0].min()
-    return np.flatnonzero(~moved & (not rounded))
+    measured = rows[["x", "y"]].dropna()
+    moves = measured.diff()
+    moved = (moves != 0.0).any(axis=1)
+    steps = moves[moved].abs()
+    if moved.sum() < FEWEST or np.median(np.diff(np.flatnonzero(moved))) < 2.0:
+        return rows
+    if np.hypot(steps.x, steps.y).median() < 5.0 * steps[steps > 0.0].min(axis=None):
+        return rows
+    return table.without(rows, rows.index.isin(measured.index[~moved]), STALE)
 
 
 def rows_alternate(positions: FloatArray) -> bool:
@@ -206,14 +221,15 @@ def _speeds(times: FloatArray, positions: FloatArray, step: float) -> FloatArray
     return lengths / np.maximum(np.diff(times), step)
 
 
-@np.errstate(over="ignore")
-def look_like_degrees(times: FloatArray, positions: FloatArray) -> bool:
+def look_like_degrees(rows: pd.DataFrame) -> bool:
     """Whether x and y may be degrees: in their range, slow, and far from 0 for their extent."""
-    largest, extent = np.abs(positions).max(axis=0), np.ptp(positions, axis=0).max()
-    speed = np.median(np.abs(np.diff(positions, axis=0)).max(axis=1) / np.diff(times))
+    places = rows[["x", "y"]]
+    extent = (places.max() - places.min()).max()
+    speed = (places.diff().abs().max(axis=1) / rows.time.diff()).median()
     # Objects move by less than 0.01 degrees in a second, and most of them by more metres. Degrees
     # are twice their extent from 0, and at least one degree.
-    far = np.abs(np.median(positions, axis=0)).max() > max(2.0 * extent, 1.0)
+    far = places.median().abs().max() > max(2.0 * extent, 1.0)
+    largest = places.abs().max()
     return bool(
         far and extent > 0.0 and speed < 0.01 and largest.max() <= 180.0 and largest.min() <= 90.0
     )

@@ -11,12 +11,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from baselines.recordings.reading.cleaning import remarks, sorted_rows
+from baselines.recordings.reading.cleaning import REPEATED, remarks, sorted_rows
 from baselines.recordings.reading.columns import find_columns
 from baselines.recordings.reading.files import read_table
 from baselines.recordings.reading.names import ROW_FILES, plain_name, role_of
-from baselines.recordings.reading.read import cell_text, object_rows, read_times
-from baselines.recordings.reading.table import REPEATED
+from baselines.recordings.reading.read import cell_text, object_names, read_times
 from baselines.recordings.recording import dates_since
 from hybrid_env.checks import ArgumentError, FloatArray, reject
 
@@ -100,22 +99,23 @@ def read_modes(
     given = dict(columns or {})
     if object_column is None and tracks:
         object_column = str(names.index(tracks[0]) + 1)
-    roles = find_columns(table, given, object_column, (("mode",),))
-    if "time" not in roles and "date" not in roles:
+    find_columns(table, given, object_column, (("mode",),))
+    if not table.roles.keys() & {"time", "date"}:
         raise ArgumentError(
             f"{table.file}: no column of times ({table.listed()}): name it by --columns, as time=1"
         )
-    times = read_times(table, roles, time_unit)
+    times = read_times(table, time_unit)
     for other in clocks if "time" not in given else ():
         if (times.epoch is not None) != dated:
+            table.roles["time"] = other
             with suppress(ArgumentError):
-                times = read_times(table, {**roles, "time": other}, time_unit)
-    samples = pd.DataFrame({"time": times.seconds, "mode": table.frame[roles["mode"]]})
-    result = ModeFile({}, {})
+                times = read_times(table, time_unit)
     # What is told concerns the modes, and from here on rows that are samples.
     table.notes, table.left_out = [note for note in table.notes if "taken as mode" in note], {}
-    for name, rows in object_rows(table, roles, Path(path)):
-        ordered = sorted_rows(table, samples.iloc[rows])
+    samples = pd.DataFrame({"time": times.seconds, "mode": table.cells("mode")})
+    result = ModeFile({}, {})
+    for name, rows in samples.groupby(object_names(table, Path(path)), sort=False):
+        ordered = sorted_rows(table, rows)
         ordered = table.without(ordered, ordered.time.duplicated(), REPEATED)
         seconds = ordered.time.to_numpy()
         dates = None if times.epoch is None else dates_since(times.epoch, seconds)

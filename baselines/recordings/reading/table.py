@@ -1,4 +1,4 @@
-"""The cells of a file, and what was left out or assumed on the way."""
+"""The cells of a file, what its columns mean, and what was left out or assumed on the way."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from baselines.recordings.reading.names import split_unit
 from hybrid_env.checks import IntArray
-
-REPEATED = "repeated times"
 
 
 @dataclass(eq=False)
@@ -21,10 +20,12 @@ class Table:
     frame: pd.DataFrame
     # Whether the file names its columns.
     headed: bool = True
+    # Number of the column of each role that is read.
+    roles: dict[str, int] = field(default_factory=dict)
+    # Mark between thousands in its numbers.
+    thousands: str | None = None
     # (n,) a number for the segment of a GPX track of each row.
     segments: IntArray | int = 0
-    # Why rows with one time are left out.
-    repeats: str = REPEATED
     # Lines that were left out, by the reason.
     left_out: dict[str, list[int]] = field(default_factory=dict)
     # What was assumed, for the summary.
@@ -34,7 +35,14 @@ class Table:
         # Of the columns as in the file; empty for one without a name, also an index of pandas.
         self.names = ["" if "__index_level_" in name else name for name in self.frame.columns]
         self.frame = self.frame.set_axis(range(len(self.names)), axis=1)
-        self.lines: IntArray = self.frame.index.to_numpy()
+
+    def cells(self, role: str) -> "pd.Series[Any]":
+        """Return the column of a role."""
+        return self.frame[self.roles[role]]
+
+    def unit(self, role: str) -> str | None:
+        """Return the unit that the header names for a role."""
+        return split_unit(self.names[self.roles[role]])[1]
 
     def label(self, column: int) -> str:
         """Return the name of a column for a message."""
