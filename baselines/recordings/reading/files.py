@@ -18,19 +18,19 @@ import pyarrow.parquet
 
 from baselines.recordings.reading.igc import is_igc, parse_igc
 from baselines.recordings.reading.names import role_of
-from baselines.recordings.reading.nested import (
-    POINTS,
-    rows_of_ais,
-    rows_of_json,
-    rows_of_nmea,
-    rows_of_xml,
-)
+from baselines.recordings.reading.nested import POINTS, SENTENCES, rows_of_json, rows_of_xml
 from baselines.recordings.reading.table import Table
 from hybrid_env.checks import ArgumentError, reject
 
 KINDS = "a CSV, TSV, Parquet, GPX, TCX, KML, GeoJSON, NMEA, AIS or IGC file"
-
-
+# Texts that are no tables, and what makes tables of them.
+UNREADABLE = {
+    "$GP": "NMEA without sentences RMC or GGA, which have times of positions",
+    "Type,Local Number,Message,": (
+        "rows of fields of FitCSVTool: write a table by its options -b and --data record, and"
+        " read the file that ends in _data.csv"
+    ),
+}
 LIMITS = {
     # Of the file, and of what is decompressed.
     "megabytes": 250,
@@ -164,61 +164,47 @@ def _read_text(content: bytes, file: str) -> Table:
     check_sizes(file, line=max(map(len, texts)))
     # Texts of Python: a copy would need as much memory again.
     rows = pd.Series(texts, range(1, len(texts) + 1), object)
-    blank = rows.str.isspace() | (rows == "")
+    blank = rows.str.strip() == ""
     filled = rows[~blank]
     if filled.empty:
         raise reject("file", file, "rows of numbers, not an empty file")
     head = filled.iloc[:200]
-    if head.str.contains(r"\$..(?:RMC|GGA),").any():
-        cells, wrong = rows_of_nmea(filled)
-        table = Table(file, cells, notes=notes)
-        table.leave_out("sentences with a wrong checksum", wrong)
-        return table
-    if head.str.contains(r"!..VD[MO],").any():
-        cells, wrong = rows_of_ais(filled, file)
-        table = Table(file, cells, notes=notes)
-        table.leave_out("sentences with a wrong checksum", wrong)
-        return table
-    # Texts that are no tables, and what makes tables of them.
-    unreadable = {
-        "$GP": "NMEA without sentences RMC or GGA, which have times of positions",
-        "Type,Local Number,Message,": (
-            "rows of fields of FitCSVTool: write a table by its options -b and --data record, and"
-            " read the file that ends in _data.csv"
-        ),
-    }
-    for word, advice in unreadable.items():
-        if head.str.contains(word, regex=False).any():
+    for mark, rows_of in SENTENCES.items():
+        if head.str.contains(mark).any():
+            cells, wrong = rows_of(filled, file)
+            table = Table(file, cells, notes=notes)
+            table.leave_out("sentences with a wrong checksum", wrong)
+            return table
+    for mark, advice in UNREADABLE.items():
+        if head.str.contains(mark, regex=False).any():
             raise ArgumentError(f"{file}: {advice}")
-    delimiter, header = _form(filled.iloc[:200].tolist())
-    first = 0 if header is None else header + 1
+    delimiter, first = _form(head.tolist())
+    title = filled.iloc[first - 1] if first else ""
+    header = filled.index[first - 1 : first]
     # Units, or more names.
     while 0 < first < len(filled) - 1 and not re.search(r"\d", filled.iloc[first]):
         first += 1
-    title = "" if header is None else filled.iloc[header]
     sample = [_cells(text, delimiter) for text in filled.iloc[first : first + 200]]
     if not sample:
         raise reject(f"{file}, line {filled.index[-1]}", title[:60], "rows of numbers after it")
     width = Counter(map(len, sample)).most_common(1)[0][0]
     check_sizes(file, columns=width, cells=width * len(rows))
-    head = _cells(title.lstrip("#% "), delimiter)
-    if len(head) == width - 1:
+    names = _cells(title.lstrip("#% "), delimiter)
+    if len(names) == width - 1:
         # The name of the row, as pandas writes it, or an empty cell at the end.
-        head = ["", *head] if any(cells[-1] for cells in sample) else [*head, ""]
-    if len(head) < width:
+        names = ["", *names] if any(cells[-1] for cells in sample) else [*names, ""]
+    if len(names) < width:
         # The delimiter of the header may be another one, as of numpy.savetxt.
-        head = re.split(r"[\s;|,]+", title.strip("#% "))
+        names = re.split(r"[\s;|,]+", title.strip("#% "))
     body = filled.iloc[first:]
     body = body[(body != title) & ~body.str.match(r"\s*(?:[#%]|//)")]
     frame, wrong = _parsed(body, delimiter, width, file)
     empty = frame.isna().all(axis=1)
-    frame.columns = head[:width] if len(head) >= width else [""] * width
-    table = Table(file, frame[~empty], header is not None, notes=notes)
-    others = filled.index if header is None else filled.index.delete(header)
-    table.leave_out("headers and comments", others.difference(body.index))
-    inner = rows.index[blank]
-    inner = inner[(inner > filled.index[first]) & (inner < filled.index[-1])]
-    table.leave_out("blank lines", inner.union(frame.index[empty]))
+    frame.columns = names[:width] if len(names) >= width else [""] * width
+    table = Table(file, frame[~empty], len(header) > 0, notes=notes)
+    comments = filled.index.difference(body.index).difference(header)
+    table.leave_out("headers and comments", comments)
+    table.leave_out("blank lines", rows.index[blank].union(frame.index[empty]))
     table.leave_out("rows with another number of cells", wrong)
     return table
 
@@ -232,37 +218,37 @@ def _decoded(content: bytes, file: str, notes: list[str]) -> str:
         text = content.decode("cp1252", "replace")
         notes.append("read as Windows-1252, as it is not UTF-8")
     # A logger without power leaves the rest of its file empty.
-    text = text.rstrip("\0\x1a")
+    text = text.rstrip("\0\x1a\r\n")
     if "\0" in text or (notes and marked):
         allowed = f"{KINDS} in UTF-8, UTF-16 or Windows-1252: export a workbook as CSV"
         raise reject("file", file, allowed)
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
-def _form(lines: list[str]) -> tuple[str, int | None]:
+def _form(lines: list[str]) -> tuple[str, int]:
     """Return the delimiter, by which a line above the rows has names of columns that are known, and
-    most lines have as many cells; and the index of the header: this line, otherwise a first line
-    that does not begin with a number, None if there is none.
+    most lines have as many cells; and the index of the line after the header: this line, otherwise
+    a first line that does not begin with a number, 0 if there is none.
     """
     forms = []
     for delimiter in ("\t", ";", "|", ",", " "):
         rows = [_cells(line.lstrip("#% "), delimiter) for line in lines]
         [(width, times)] = Counter(map(len, rows)).most_common(1)
-        named = None
-        for number, cells in enumerate(rows if width > 1 else ()):
+        after = 0
+        for number, cells in enumerate(rows if width > 1 else (), start=1):
             words = [cell for cell in cells if cell and not re.match(r"[\d.+-]", cell)]
             if sum(role_of(word) is not None for word in words) > 1:
-                named = number
+                after = number
                 break
             filled = sum(map(bool, cells)) > width / 2
-            if len(cells) == width and filled and not words and lines[number][0] not in "#%":
+            if len(cells) == width and filled and not words and lines[number - 1][0] not in "#%":
                 break
         share = times / len(rows) * (width > 1)
-        forms.append((named is not None, share, delimiter, named))
-    _, share, delimiter, named = max(forms, key=lambda form: form[:2])
-    if named is None and share and not re.match(r"\s*[+-]?[.,]?\d", lines[0]):
-        named = 0
-    return delimiter if share else ",", named
+        forms.append((after > 0, share, delimiter, after))
+    _, share, delimiter, after = max(forms, key=lambda form: form[:2])
+    if share and not re.match(r"\s*[+-]?[.,]?\d", lines[0]):
+        after = max(after, 1)
+    return delimiter if share else ",", after
 
 
 def _cells(line: str, delimiter: str) -> list[str]:
