@@ -131,32 +131,35 @@ def told_apart(table: Table, rows: pd.DataFrame) -> bool:
 
 def _median_step(rows: pd.DataFrame, groups: list[Any]) -> float:
     """Return the median distance of successive rows of each group."""
-    steps = rows.groupby(groups)[["x", "y"]].diff()
-    return float(np.hypot(steps.x, steps.y).median())
+    return float(_step_lengths(rows.groupby(groups)).median())
 
 
-def fill_values(positions: FloatArray) -> BoolArray:
-    """Return which rows (n,) have in both coordinates of positions (n, 2) a number such as 0, -1
-    or 9999 in place of a position: it is far from the rows before and after.
+def _step_lengths(rows: Any) -> "pd.Series[float]":
+    """Return the distance of each row, or row of a group, from the one before."""
+    steps = rows[["x", "y"]].diff()
+    return np.hypot(steps.x, steps.y)
+
+
+def fill_values(rows: pd.DataFrame) -> "pd.Series[bool]":
+    """Return which rows have in both `x` and `y` a number such as 0, -1 or 9999 in place of a
+    position: it is far from the rows before and after.
     """
-    fills = np.zeros(len(positions), np.bool_)
-    same = positions[:, 0] == positions[:, 1]
-    numbers, counts = np.unique(positions[same, 0], return_counts=True)
-    steps = np.hypot(*np.diff(positions[~same], axis=0).T)
-    steps = steps[~np.isnan(steps)]
-    if len(steps) < FEWEST:
-        return fills
-    longest = 5.0 * np.quantile(steps, 0.95)
-    # A number other than 0 is a position if it is there once.
-    for number in numbers[counts > (numbers != 0.0)][:100]:
-        rows = same & (positions[:, 0] == number)
-        borders = np.flatnonzero(np.diff(rows))
-        jumps = np.hypot(*(positions[borders + 1] - positions[borders]).T)
-        # Next to an empty position there is none.
-        jumps = jumps[~np.isnan(jumps)]
-        if rows.mean() < 0.5 and len(jumps) and np.median(jumps) > longest:
-            fills |= rows
-    return fills
+    number = rows.x.where(rows.x == rows.y)
+    before = number.shift()
+    steps = _step_lengths(rows)
+    usual = _step_lengths(rows[number.isna()]).dropna()
+    # To each number and from it; next to an empty position there is none.
+    jumps = steps.where(number != before)
+    jumps = pd.concat([jumps, jumps]).groupby(pd.concat([number, before])).median()
+    counts = number.groupby(number).size()
+    fills = (
+        (jumps > 5.0 * usual.quantile(0.95))
+        # A number other than 0 is a position if it is there once.
+        & (counts > (counts.index != 0.0))
+        & (counts < 0.5 * len(rows))
+        & (len(usual) >= FEWEST)
+    )
+    return number.isin(fills.index[fills])
 
 
 def fresh_rows(table: Table, rows: pd.DataFrame) -> pd.DataFrame:

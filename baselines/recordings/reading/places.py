@@ -11,7 +11,7 @@ from baselines.recordings.reading.columns import MOTIONS
 from baselines.recordings.reading.frames import to_east_and_north
 from baselines.recordings.reading.names import DEGREES, VOID, role_of, split_unit
 from baselines.recordings.reading.table import Table
-from baselines.recordings.reading.values import in_degrees, parse_angles, parse_numbers, texts_of
+from baselines.recordings.reading.values import parse_angles, parse_numbers, texts_of
 from baselines.recordings.reading.velocities import METRES
 from baselines.recordings.scatter import noise_deviations
 from hybrid_env.checks import ArgumentError, BoolArray, FloatArray, reject
@@ -68,35 +68,47 @@ def read_positions(table: Table, unit: str | None, frame: str | None) -> Places:
     if "z" in table.roles:
         rows["altitude"] = parse_numbers(table.cells("z"), table.thousands)[0]
     if degrees:
-        rows[["x", "y"]] = _degrees(table, rows[["x", "y"]].to_numpy(), axes, of_x)
+        _degrees(table, rows, axes, of_x)
     else:
         degrees = to_east_and_north(table, rows, unit, frame)
     unit = "m" if degrees else unit
     _scale_altitudes(table, rows, unit)
-    values = rows[["x", "y"]].to_numpy()
-    rows["wrong"] |= (np.abs(values) > ([360.0, 90.0] if degrees else 1e12)).any(axis=1)
-    values[rows.wrong] = np.nan
-    rows["wrong"] |= cleaning.fill_values(values)
+    large = rows[["x", "y"]].abs() > ([360.0, 90.0] if degrees else 1e12)
+    rows["wrong"] |= large.any(axis=1)
+    rows.loc[rows.wrong, ["x", "y"]] = np.nan
+    rows["wrong"] |= cleaning.fill_values(rows)
     motion = next((pair for pair in MOTIONS if table.roles.keys() >= {*pair}), ())
     for k, role in enumerate(motion):
         rows[f"rate{k}"] = parse_numbers(table.cells(role), table.thousands)[0]
     return Places(rows, unit, degrees, polar="speed" in motion)
 
 
-def _degrees(table: Table, values: FloatArray, axes: list[str], unit: str | None) -> FloatArray:
-    """Return degrees of longitude and latitude (n, 2) of what the columns have."""
+def _degrees(table: Table, rows: pd.DataFrame, axes: list[str], unit: str | None) -> None:
+    """Convert `x` and `y` to degrees of longitude and latitude: from radians, semicircles, of which
+    2^31 are 180 degrees, whole numbers of 1e-7 degrees, or degrees and minutes such as 4730.5.
+    """
+    places = rows[["x", "y"]]
+    known = places.dropna().abs()
+    usual = known.median().max()
     semicircles = any("position" in table.names[table.roles[role]].lower() for role in axes)
-    values, form = in_degrees(values, semicircles or unit == "semicircles")
+    form = ""
     if unit == "rad":
-        values, form = np.degrees(values), "radians"
+        places, form = np.degrees(places), "radians"
+    elif usual > 1e5 and (semicircles or unit == "semicircles"):
+        places, form = places * (180.0 / 2**31), "semicircles"
+    elif usual > 1e5:
+        places, form = places / 1e7, "whole numbers of 1e-7 degrees"
+    elif usual > 360.0 and (known % 100.0 < 60.0).all(axis=None):
+        whole = (places.abs() // 100.0) * np.sign(places)
+        places, form = whole + (places - 100.0 * whole) / 60.0, "degrees and minutes"
     if form:
         table.notes.append(f"latitude and longitude are {form}")
-    check_readable(table, axes[1], np.abs(values[:, 1]) > 90.0, "latitudes up to 90 degrees")
-    for k, role in enumerate(("east_west", "north_south")):
+    check_readable(table, axes[1], places.y.abs() > 90.0, "latitudes up to 90 degrees")
+    rows[["x", "y"]] = places
+    for name, role in (("x", "east_west"), ("y", "north_south")):
         if role in table.roles:
             letters = texts_of(table.cells(role)).str.upper()
-            values[letters.str.startswith(("W", "S")).to_numpy(), k] *= -1.0
-    return values
+            rows.loc[letters.str.startswith(("W", "S")), name] *= -1.0
 
 
 def _scale_altitudes(table: Table, rows: pd.DataFrame, unit: str | None) -> None:
