@@ -1,5 +1,6 @@
 """Rows of an object that are no measurements of their own: they are left out and counted."""
 
+import functools
 from itertools import combinations
 from typing import Any
 
@@ -7,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from baselines.recordings.reading.table import Table
-from baselines.recordings.reading.values import DAY
+from baselines.recordings.reading.values import DAY, names_of
 from hybrid_env.checks import BoolArray, FloatArray
 
 # Fewer steps do not tell how an object moves.
@@ -124,8 +125,8 @@ def told_apart(table: Table, rows: pd.DataFrame) -> bool:
     table.notes.append(f"{name!r} taken as object, as times repeat without it (--object)")
     table.roles["object"] = columns[0]
     if len(columns) > 1:
-        texts = table.frame[[*columns]].astype(str)
-        table.roles["object"] = table.add(name, texts.agg(" ".join, axis=1))
+        texts = [names_of(table.frame[k]) for k in columns]
+        table.roles["object"] = table.add(name, functools.reduce(lambda a, b: a + " " + b, texts))
     return True
 
 

@@ -15,7 +15,8 @@ from baselines.recordings.reading.cleaning import REPEATED, remarks, sorted_rows
 from baselines.recordings.reading.columns import find_columns
 from baselines.recordings.reading.files import read_table
 from baselines.recordings.reading.names import ROW_FILES, plain_name, role_of
-from baselines.recordings.reading.read import cell_text, object_names, read_times
+from baselines.recordings.reading.read import object_names, read_times
+from baselines.recordings.reading.values import cell_text
 from baselines.recordings.recording import dates_since
 from hybrid_env.checks import ArgumentError, FloatArray, reject
 

@@ -125,7 +125,7 @@ def rows_of_nmea(lines: "pd.Series[str]", file: str) -> tuple[pd.DataFrame, pd.I
     sums = found.text.map(lambda text: f"{functools.reduce(operator.xor, text.encode()):02X}")
     right = found["sum"].isna() | (sums == found["sum"].str.upper())
     cells = found.cells[right].str.split(",", expand=True).reindex(columns=range(len(names[kind])))
-    cells = cells.set_axis(names[kind], axis=1).fillna("")
+    cells = cells.set_axis(names[kind], axis=1).astype(object).fillna("").astype(str)
     if kind == "RMC":
         # Day, month, year.
         dates = cells.pop("date").str.replace(r"(..)(..)(..)", r"20\3-\2-\1T", regex=True)

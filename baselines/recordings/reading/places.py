@@ -39,7 +39,7 @@ def check_readable(table: Table, role: str, wrong: BoolArray, allowed: str) -> N
     """Refuse a column of which most cells cannot be read."""
     if wrong.mean() > 0.5:
         cell = table.cells(role).iloc[int(np.argmax(wrong))]
-        raise reject(f"{table.file}: {table.label(table.roles[role])}", str(cell), allowed)
+        raise reject(f"{table.file}: {table.label(role)}", str(cell), allowed)
 
 
 def read_positions(table: Table, unit: str | None, frame: str | None) -> Places:
@@ -61,12 +61,11 @@ def read_positions(table: Table, unit: str | None, frame: str | None) -> Places:
     rows = pd.DataFrame({"wrong": False, "altitude": np.nan}, table.frame.index)
     for name, role in zip(("x", "y"), axes, strict=True):
         parse = parse_angles if degrees else parse_numbers
-        rows[name], unread, comma = parse(table.cells(role), table.thousands)
+        rows[name], unread = table.numbers(role, parse)
         check_readable(table, role, unread, "numbers, or --thousands with the mark between them")
         rows["wrong"] |= unread
-        table.notes += ["decimal comma"] * comma
     if "z" in table.roles:
-        rows["altitude"] = parse_numbers(table.cells("z"), table.thousands)[0]
+        rows["altitude"] = table.numbers("z")[0]
     if degrees:
         _degrees(table, rows, axes, of_x)
     else:
@@ -79,7 +78,7 @@ def read_positions(table: Table, unit: str | None, frame: str | None) -> Places:
     rows["wrong"] |= cleaning.fill_values(rows)
     motion = next((pair for pair in MOTIONS if table.roles.keys() >= {*pair}), ())
     for k, role in enumerate(motion):
-        rows[f"rate{k}"] = parse_numbers(table.cells(role), table.thousands)[0]
+        rows[f"rate{k}"] = table.numbers(role)[0]
     return Places(rows, unit, degrees, polar="speed" in motion)
 
 
@@ -116,12 +115,11 @@ def _scale_altitudes(table: Table, rows: pd.DataFrame, unit: str | None) -> None
     if rows.altitude.isna().all():
         table.roles.pop("z", None)
         return
-    column = table.roles["z"]
-    name, own = split_unit(table.names[column])
+    name, own = split_unit(table.names[table.roles["z"]])
     own = "flight level" if name in ("fl", "flight_level") else own
     heights = {**METRES, "flight level": 30.48}
     if own is None and unit == "m" and rows.altitude.std() > 0.0:
-        table.notes.append(f"{table.label(column)!r} taken as altitude in m (name it ..._ft)")
+        table.notes.append(f"{table.label('z')!r} taken as altitude in m (name it ..._ft)")
     # What is not known is the unit of the positions.
     own = own if own in heights else unit or "m"
     rows["altitude"] *= heights.get(own, 1.0) / heights.get(unit or "m", 1.0)
@@ -160,18 +158,18 @@ def read_polar(
     names = ("range", "bearing", "rate")[: 2 if radar is None else radar.values]
     length, angle, *speed = map(table.unit, names)
     if angle not in (None, "rad", *DEGREES):
-        name = f"{table.file}: unit of {table.label(table.roles['bearing'])}"
+        name = f"{table.file}: unit of {table.label('bearing')}"
         raise reject(name, angle, "deg or rad")
     if length is not None and speed not in ([], [None], [f"{length}/s"]):
-        name = f"{table.file}: unit of {table.label(table.roles['rate'])}"
+        name = f"{table.file}: unit of {table.label('rate')}"
         raise reject(name, speed[0], f"{length}/s, as of the range")
     radians = angle == "rad"
     table.notes.append(
         f"bearings in {'radians from the x axis' if radians else 'degrees from north'}"
     )
-    columns = [parse_numbers(table.cells(name), table.thousands) for name in names]
-    ranges, bearings, *rates = (numbers for numbers, _, _ in columns)
-    wrong = np.any([wrong for _, wrong, _ in columns], axis=0)
+    columns = [table.numbers(name) for name in names]
+    ranges, bearings, *rates = (numbers for numbers, _ in columns)
+    wrong = np.any([wrong for _, wrong in columns], axis=0)
     with np.errstate(invalid="ignore"):
         wrong |= (ranges < 0.0) | (ranges > 1e12) | (np.abs(bearings) > 1e12)
     polar = np.column_stack([ranges, bearings if radians else np.radians(90.0 - bearings)])

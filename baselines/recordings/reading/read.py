@@ -1,11 +1,10 @@
 """Reading a file of recorded positions, also compressed by gzip."""
 
 import os
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import pandas as pd
@@ -24,7 +23,7 @@ from baselines.recordings.reading.places import (
 )
 from baselines.recordings.reading.summary import summary
 from baselines.recordings.reading.table import Table
-from baselines.recordings.reading.values import Times, parse_times
+from baselines.recordings.reading.values import Times, names_of, parse_times, writable
 from baselines.recordings.reading.velocities import find_velocities
 from baselines.recordings.recording import Recording, dates_since, iso_texts, make_recording
 from hybrid_env.checks import ArgumentError, reject
@@ -128,11 +127,10 @@ def read_recordings(
     if object_column is None and cleaning.told_apart(table, rows):
         rows["object"] = object_names(table, Path(path))
     by_object = rows.groupby("object", sort=False)
-    marked = object_column is not None or len(by_object) > 1
     recordings, refused = [], []
     for _, own in by_object:
         try:
-            recordings.append(_recording(table, times, places, own, gap, marked, single))
+            recordings.append(_recording(table, times, places, own, gap, single))
         except ArgumentError as error:
             refused.append(str(error))
     if bad_rows == "refuse" and table.left_out:
@@ -193,23 +191,10 @@ def object_names(table: Table, path: Path) -> "pd.Series[str]":
     """Return the name of the object of each row, none where its cell is empty."""
     if "object" not in table.roles:
         stem = path.name.removesuffix(".gz")
-        return pd.Series(_writable(Path(stem).stem or stem), table.frame.index)
-    cells = table.cells("object")
-    table.leave_out("rows without an object", cells.index[cells.isna()])
-    return cells.map({cell: cell_text(cell) for cell in cells.dropna().unique()})
-
-
-def cell_text(value: Any) -> str:
-    """Return a cell as short text; whole numbers have no decimal point, and what would be a formula
-    no quotation mark before it, as `hybridtrack track` writes it.
-    """
-    text = re.sub(r"^(\d+)\.0+$", r"\1", " ".join(str(value).split()))[:60]
-    return re.sub(r"^'(?=[=+\-@|])", "", _writable(text))
-
-
-def _writable(text: str) -> str:
-    """Return a text without characters that XML or UTF-8 does not have."""
-    return re.sub(r"[\0-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]", "\ufffd", text)
+        return pd.Series(writable(Path(stem).stem or stem), table.frame.index)
+    names = names_of(table.cells("object"))
+    table.leave_out("rows without an object", names.index[names.isna()])
+    return names
 
 
 def read_times(table: Table, unit: str | None = None, tau: float | None = None) -> Times:
@@ -229,7 +214,7 @@ def read_times(table: Table, unit: str | None = None, tau: float | None = None) 
         if role != "index" or times.kind or (times.seconds % 1.0).any():
             return times
         ticks = times.seconds - times.seconds.min()
-        table.notes.append(f"{table.label(table.roles[role])!r} taken as ticks")
+        table.notes.append(f"{table.label(role)!r} taken as ticks")
     elif unit is not None:
         allowed = f"no value, as {table.file} has no times: name them by --columns time=..."
         raise reject("time_unit", unit, allowed)
@@ -240,17 +225,9 @@ def read_times(table: Table, unit: str | None = None, tau: float | None = None) 
 
 
 def _recording(
-    table: Table,
-    times: Times,
-    places: Places,
-    rows: pd.DataFrame,
-    gap: float | None,
-    marked: bool,
-    single: bool,
+    table: Table, times: Times, places: Places, rows: pd.DataFrame, gap: float | None, single: bool
 ) -> Recording:
-    """Return the recording of an object. `marked`: a column says that the rows are of one object;
-    `single`: the caller says so.
-    """
+    """Return the recording of an object. `single`: the caller says that the rows are of one."""
     name, total, already = rows.object.iloc[0], len(rows), cleaning.lost(table)
     rows = cleaning.sorted_rows(table, rows)
     rows = table.without(rows, rows.void, "rows of a sensor without a fix")
@@ -273,15 +250,15 @@ def _recording(
         )
     rows = cleaning.fresh_rows(table, rows)
     several = "name by --object the column that tells them apart"
-    if not marked and cleaning.rows_alternate(rows[axes].dropna().to_numpy()):
-        raise ArgumentError(
-            "rows alternate between places that are far apart, as of two objects:"
-            f" {several}, or --object none for a single one"
-        )
     if jumps and not single:
         raise ArgumentError(
             f"{name} jumps {jumps:,} times between two places that are"
             f" {float(f'{distance:.3g}'):,g} {unit} apart, as two objects of one name: {several}"
+        )
+    if not single and cleaning.rows_alternate(rows[axes].dropna().to_numpy()):
+        raise ArgumentError(
+            "rows alternate between places that are far apart, as of two objects:"
+            f" {several}, or --object none for a single one"
         )
     if cleaning.lost(table) - already > 0.5 * total and not single:
         causes = cleaning.causes(table)

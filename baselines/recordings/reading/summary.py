@@ -30,8 +30,7 @@ def summary(table: Table, times: Times, recordings: list[Recording]) -> str:
     around = f" around {centre.latitude:.6g}, {centre.longitude:.6g}" if centre else ""
     sentences = {
         f"{table.file}: {_counted(len(table.frame), 'row')}": True,
-        _counted(count, "object")
-        + (f" by '{table.label(table.roles['object'])}'" if count > 1 else ""): True,
+        _counted(count, "object") + (f" by '{table.label('object')}'" if count > 1 else ""): True,
         ticks: True,
         f"x {low[0]:.6g} to {high[0]:.6g}, y {low[1]:.6g} to {high[1]:.6g} {first.unit}": True,
         f"degrees projected to metres{around * (count == 1)}": centre,

@@ -7,7 +7,8 @@ import numpy as np
 import pandas as pd
 
 from baselines.recordings.reading.names import split_unit
-from hybrid_env.checks import IntArray
+from baselines.recordings.reading.values import Parser, parse_numbers
+from hybrid_env.checks import BoolArray, FloatArray, IntArray
 
 
 @dataclass(eq=False)
@@ -44,9 +45,18 @@ class Table:
         """Return the unit that the header names for a role."""
         return split_unit(self.names[self.roles[role]])[1]
 
-    def label(self, column: int) -> str:
-        """Return the name of a column for a message."""
-        return self.names[column] or f"column {column + 1}"
+    def numbers(self, role: str, parse: Parser = parse_numbers) -> tuple[FloatArray, BoolArray]:
+        """Return the numbers of the column of a role, NaN where a cell is none, and which cells are
+        not empty and no numbers.
+        """
+        values, wrong, comma = parse(self.cells(role), self.thousands)
+        self.notes += ["decimal comma"] * comma
+        return values, wrong
+
+    def label(self, column: int | str) -> str:
+        """Return the name of a column, or of that of a role, for a message."""
+        number = self.roles[column] if isinstance(column, str) else column
+        return self.names[number] or f"column {number + 1}"
 
     def add(self, name: str, cells: "pd.Series[Any]") -> int:
         """Add a column and return its number."""

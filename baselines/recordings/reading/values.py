@@ -2,6 +2,7 @@
 
 import functools
 import re
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,6 +12,9 @@ from baselines.recordings.reading.names import SECONDS
 from hybrid_env.checks import AnyArray, BoolArray, FloatArray, reject
 
 DAY = 86400.0
+# Numbers, which cells are not empty and none, and whether the decimal mark is a comma.
+Parsed = tuple[FloatArray, BoolArray, bool]
+Parser = Callable[[pd.Series, str | None], Parsed]
 CLOCKS = (
     *("%H:%M:%S", "%H:%M:%S.%f", "%H:%M", "%H%M%S", "%H%M%S.%f"),
     *("%I:%M:%S %p", "%I:%M:%S.%f %p", "%I:%M %p"),
@@ -47,9 +51,25 @@ def texts_of(cells: pd.Series) -> pd.Series:
     return cells.astype(object).where(cells.notna(), "").astype("str").str.strip()
 
 
-def parse_numbers(
-    cells: pd.Series, thousands: str | None = None
-) -> tuple[FloatArray, BoolArray, bool]:
+def cell_text(value: Any) -> str:
+    """Return a cell as short text; whole numbers have no decimal point, and what would be a formula
+    no quotation mark before it, as `hybridtrack track` writes it.
+    """
+    text = re.sub(r"^(\d+)\.0+$", r"\1", " ".join(str(value).split()))[:60]
+    return re.sub(r"^'(?=[=+\-@|])", "", writable(text))
+
+
+def writable(text: str) -> str:
+    """Return a text without characters that XML or UTF-8 does not have."""
+    return re.sub(r"[\0-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]", "\ufffd", text)
+
+
+def names_of(cells: pd.Series) -> pd.Series:
+    """Return cells as names of objects, none where they are empty."""
+    return cells.map({cell: cell_text(cell) for cell in cells.dropna().unique()})
+
+
+def parse_numbers(cells: pd.Series, thousands: str | None = None) -> Parsed:
     """Parse cells as numbers with a decimal point, or all with a decimal comma.
 
     Args:
@@ -67,10 +87,8 @@ def parse_numbers(
     if thousands is not None or (numbers.isna() & cells.notna()).any():
         texts = texts_of(cells).str.replace(thousands or " ", "", regex=False)
         # A decimal comma is one where no cell has a point.
-        comma = bool(
-            texts.str.fullmatch(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?").any()
-            and not texts.str.contains(".", regex=False).any()
-        )
+        points = texts.str.contains(".", regex=False).any()
+        comma = not points and bool(texts.str.fullmatch(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?").any())
         texts = texts.str.replace(",", ".", regex=False) if comma else texts
         numbers = pd.to_numeric(texts, errors="coerce")
         cells = cells.where(texts != "")
@@ -79,9 +97,7 @@ def parse_numbers(
     return values, np.isnan(values) & cells.notna().to_numpy(), comma
 
 
-def parse_angles(
-    cells: pd.Series, thousands: str | None = None
-) -> tuple[FloatArray, BoolArray, bool]:
+def parse_angles(cells: pd.Series, thousands: str | None = None) -> Parsed:
     """Parse cells as degrees, as `parse_numbers` does; also with a letter of the hemisphere, and
     with minutes and seconds.
     """
