@@ -47,7 +47,7 @@ def find_columns(
     count = len(table.names)
     if not table.headed and not columns:
         if count not in (2, 3):
-            raise ArgumentError(f"{table.file}: {count} columns without names: {hint}")
+            raise ArgumentError(f"{count} columns without names: {hint}")
         given |= zip(("time", "x", "y")[-count:], range(count), strict=True)
     found = {role: [k] for role, k in given.items()}
     for k, name in enumerate(table.names):
@@ -69,7 +69,7 @@ def find_columns(
     pairs = [pair for pair in axes if found.keys() >= {*pair}]
     if not pairs:
         choice = ", or ".join(" and ".join(pair) for pair in axes)
-        raise ArgumentError(f"{table.file}: no columns {choice} ({table.listed()}): {hint}")
+        raise ArgumentError(f"no columns {choice} ({table.listed()}): {hint}")
     # Metres on a plane are more exact than the degrees beside them.
     pair = max(pairs, key=lambda pair: given.keys() >= {*pair})
     motion = next((pair for pair in MOTIONS if found.keys() >= {*pair}), ())
@@ -101,5 +101,5 @@ def numbered_column(table: Table, option: str, name: str) -> int:
         same = same or [int(wanted) - 1]
     if len(same) != 1:
         listed = table.listed()
-        raise reject(option, name, f"one column of {table.file}, by name or number: {listed}")
+        raise reject(option, name, f"one column of the file, by name or number: {listed}")
     return same[0]

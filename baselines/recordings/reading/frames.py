@@ -28,14 +28,14 @@ def _frame_of(table: Table, rows: pd.DataFrame, given: str | None, unit: str | N
     if given is not None and given not in FRAMES:
         raise reject("frame", given, f"one of {', '.join(FRAMES)}")
     if given == "ecef" and "z" not in table.roles:
-        raise reject("frame", given, f"x, y and z: {table.file} has no z ({table.listed()})")
+        raise reject("frame", given, f"x, y and z: the file has no z ({table.listed()})")
     title = table.names[table.roles["x"]]
     name = split_unit(title)[0]
     # Of columns that are named by where they point.
     compass = r"(?:.*_)?(?:e|n|\w*(?:east|north|nord)\w*|ost|utm_[xy]|rechtswert|hochwert)"
     if re.fullmatch(compass, name):
         if given not in (None, "enu"):
-            raise reject("frame", given, f"enu, as {table.file} has a column {name}")
+            raise reject("frame", given, f"enu, as the file has a column {name}")
         return "enu"
     if given is not None:
         return given
@@ -95,7 +95,7 @@ def _of_zones(table: Table, rows: pd.DataFrame, scale: float) -> bool:
     degrees = np.full((len(rows), 2), np.nan)
     for (zone, band), of_zone in parts.groupby([0, 1]).indices.items():
         if not 1 <= int(zone) <= 60:
-            raise ArgumentError(f"{table.file}: zone {zone} is not allowed: expected 1 to 60")
+            raise ArgumentError(f"zone {zone} is not allowed: expected 1 to 60")
         # Bands from N are in the north; S is one of these, and the word south.
         plane = pyproj.Proj(proj="utm", zone=int(zone), south="A" <= band.upper() < "N")
         east, north = scale * rows[["x", "y"]].to_numpy()[of_zone].T

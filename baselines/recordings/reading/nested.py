@@ -21,13 +21,13 @@ POINTS = "trkpt", "Trackpoint", "vehicle", "person"
 LEAVES = "time", "lat", "lon", "z", "speed", "course", "valid", "dilution"
 
 
-def rows_of_xml(text: str, file: str) -> pd.DataFrame:
+def rows_of_xml(text: str) -> pd.DataFrame:
     """Return the positions of GPX, TCX, KML with gx:Track, or SUMO, with their `segment`."""
     try:
         # It is text now, whatever its first line says of the bytes.
         root = ElementTree.fromstring(re.sub(r"^\s*<\?xml[^>]*>", "", text))
     except (ElementTree.ParseError, ValueError, RecursionError) as error:
-        raise ArgumentError(f"{file}: begins as XML but is damaged ({error})") from None
+        raise ArgumentError(f"begins as XML but is damaged ({error})") from None
     rows: list[dict[str, Any]] = []
     # What is known of all points that follow.
     outer: dict[str, Any] = {"segment": 0}
@@ -53,7 +53,7 @@ def rows_of_xml(text: str, file: str) -> pd.DataFrame:
             rows.append(outer | element.attrib | known)
     if not rows:
         raise ArgumentError(
-            f"{file}: XML without points of a track of GPX, TCX, KML (gx:Track) or SUMO: convert it"
+            "XML without points of a track of GPX, TCX, KML (gx:Track) or SUMO: convert it"
             " to GPX, for example by gpsbabel or by ogr2ogr -f GPX"
         )
     return pd.DataFrame(rows)
@@ -72,7 +72,7 @@ def _timed_places(times: Iterable[Any], places: Iterable[Any]) -> list[dict[str,
     ]
 
 
-def rows_of_json(text: str, file: str) -> pd.DataFrame:
+def rows_of_json(text: str) -> pd.DataFrame:
     """Return the positions of GeoJSON, of a list of objects, or of lines of objects."""
     try:
         try:
@@ -91,7 +91,7 @@ def rows_of_json(text: str, file: str) -> pd.DataFrame:
     frame = frame.dropna(axis=1, how="all")
     if frame.empty:
         raise ArgumentError(
-            f"{file}: neither GeoJSON with times nor rows of JSON: convert it to CSV, for example"
+            "neither GeoJSON with times nor rows of JSON: convert it to CSV, for example"
             " by ogr2ogr -f CSV -lco GEOMETRY=AS_XY"
         )
     return frame.rename(columns=str)
@@ -111,7 +111,7 @@ def _rows(feature: dict[str, Any], name: str) -> list[dict[str, Any]]:
     return [outer | row for row in _timed_places(times, places)]
 
 
-def rows_of_nmea(lines: "pd.Series[str]", file: str) -> tuple[pd.DataFrame, pd.Index]:
+def rows_of_nmea(lines: "pd.Series[str]") -> tuple[pd.DataFrame, pd.Index]:
     """Return the positions of the RMC sentences of a log of NMEA, or of the GGA ones if it has no
     others, and the lines of sentences with a wrong checksum.
     """
@@ -133,7 +133,7 @@ def rows_of_nmea(lines: "pd.Series[str]", file: str) -> tuple[pd.DataFrame, pd.I
     return cells.where(cells != ""), found.index[~right]
 
 
-def rows_of_ais(lines: "pd.Series[str]", file: str) -> tuple[pd.DataFrame, pd.Index]:
+def rows_of_ais(lines: "pd.Series[str]") -> tuple[pd.DataFrame, pd.Index]:
     """Return the reports of positions in a log of AIS, and the lines of those that are damaged.
 
     A line has a sentence and the time of its reception, in a tag block, before or after it.
@@ -147,7 +147,7 @@ def rows_of_ais(lines: "pd.Series[str]", file: str) -> tuple[pd.DataFrame, pd.In
     found = lines.str.extract(before + sentence + r"[\s,;]*(.*)$").dropna(subset=2)
     times = found[[0, 1, 3]].replace("", np.nan).bfill(axis=1)[0]
     if times.isna().mean() > 0.5:
-        raise ArgumentError(f"{file}: AIS sentences without times of reception: record these too")
+        raise ArgumentError("AIS sentences without times of reception: record these too")
     reports: dict[int, dict[str, Any]] = {}
     for line, text in found[2].items():
         with suppress(pyais.exceptions.AISBaseException):
@@ -161,7 +161,7 @@ def rows_of_ais(lines: "pd.Series[str]", file: str) -> tuple[pd.DataFrame, pd.In
         rows[name] = numbers.where(numbers.abs() <= limit)
     rows = rows.dropna(subset=["lat", "lon"])
     if rows.empty:
-        raise ArgumentError(f"{file}: AIS sentences without reports of positions")
+        raise ArgumentError("AIS sentences without reports of positions")
     return rows, found.index.difference([*reports])
 
 

@@ -1,6 +1,5 @@
 """From cells to positions on a plane or in degrees."""
 
-from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -39,7 +38,7 @@ def check_readable(table: Table, role: str, wrong: BoolArray, allowed: str) -> N
     """Refuse a column of which most cells cannot be read."""
     if wrong.mean() > 0.5:
         cell = table.cells(role).iloc[int(np.argmax(wrong))]
-        raise reject(f"{table.file}: {table.label(role)}", str(cell), allowed)
+        raise reject(f"{table.label(role)}", str(cell), allowed)
 
 
 def read_positions(table: Table, unit: str | None, frame: str | None) -> Places:
@@ -48,12 +47,10 @@ def read_positions(table: Table, unit: str | None, frame: str | None) -> Places:
     axes = ["lon", "lat"] if degrees else ["x", "y"]
     for name, value, allowed in (("unit", unit, (None, "m", *DEGREES)), ("frame", frame, (None,))):
         if degrees and value not in allowed:
-            raise reject(name, value, f"no value, as {table.file} has latitudes and longitudes")
+            raise reject(name, value, "no value, as the file has latitudes and longitudes")
     of_x, of_y = map(table.unit, axes)
     if unit is None and of_x != of_y:
-        raise ArgumentError(
-            f"{table.file}: positions in {of_x} and {of_y}: expected one, or --unit"
-        )
+        raise ArgumentError(f"positions in {of_x} and {of_y}: expected one, or --unit")
     unit = unit or of_x
     if not degrees and unit is not None and unit.lower() in DEGREES:
         degrees = True
@@ -149,7 +146,7 @@ def void_rows(table: Table) -> BoolArray:
 
 
 def read_polar(
-    table: Table, seconds: FloatArray, objects: Iterable[FloatArray], radar: Radar | None
+    table: Table, seconds: FloatArray, objects: "pd.Series[str]", radar: Radar | None
 ) -> Places:
     """Parse ranges and bearings of a radar to positions, and range rates if it measures them.
     Without a radar its standard deviations are those of the measurements at the times [s] of the
@@ -158,10 +155,10 @@ def read_polar(
     names = ("range", "bearing", "rate")[: 2 if radar is None else radar.values]
     length, angle, *speed = map(table.unit, names)
     if angle not in (None, "rad", *DEGREES):
-        name = f"{table.file}: unit of {table.label('bearing')}"
+        name = f"unit of {table.label('bearing')}"
         raise reject(name, angle, "deg or rad")
     if length is not None and speed not in ([], [None], [f"{length}/s"]):
-        name = f"{table.file}: unit of {table.label('rate')}"
+        name = f"unit of {table.label('rate')}"
         raise reject(name, speed[0], f"{length}/s, as of the range")
     radians = angle == "rad"
     table.notes.append(
@@ -184,22 +181,22 @@ def read_polar(
 
 
 def _found_radar(
-    table: Table, seconds: FloatArray, polar: FloatArray, objects: Iterable[FloatArray], unit: str
+    table: Table, seconds: FloatArray, polar: FloatArray, objects: "pd.Series[str]", unit: str
 ) -> Radar:
     """Return a radar at the origin with the standard deviations of measured ranges and bearings,
     (n, 2).
     """
+    names = {"object": objects.to_numpy(), "time": seconds}
+    rows = pd.DataFrame(names | {"range": polar[:, 0], "bearing": polar[:, 1]}).dropna()
     tracks = []
-    known = np.isfinite(seconds) & np.isfinite(polar).all(axis=1)
-    for rows in objects:
-        instants, first = np.unique(seconds[rows[known[rows]]], return_index=True)
-        values = polar[rows[known[rows]][first]]
-        values[:, 1] = np.unwrap(values[:, 1])
-        tracks.append((instants, values))
+    for _, track in rows.groupby("object"):
+        track = track.drop_duplicates("time").sort_values("time")
+        values = np.column_stack([track["range"], np.unwrap(track.bearing)])
+        tracks.append((track.time.to_numpy(), values))
     deviations = noise_deviations(tracks)
     if deviations is None or not deviations.all():
         raise ArgumentError(
-            f"{table.file}: range and azimuth of a radar, whose standard deviations are not seen"
+            "range and azimuth of a radar, whose standard deviations are not seen"
             " (few or rounded measurements): give them by --radar, for example --radar '30 0.01'"
         )
     length, angle = deviations.tolist()

@@ -12,7 +12,7 @@ import pandas as pd
 from baselines.recordings.projection import centred_projection
 from baselines.recordings.reading import cleaning
 from baselines.recordings.reading.columns import find_columns
-from baselines.recordings.reading.files import check_sizes, read_table
+from baselines.recordings.reading.files import check_sizes, named_in_errors, read_table
 from baselines.recordings.reading.names import ONE_OBJECT, role_of
 from baselines.recordings.reading.places import (
     Places,
@@ -100,59 +100,62 @@ def read_recordings(
             half of its rows would be left out; the message names file, line or cause, and the
             option that helps.
     """
-    table = read_table(path)
-    table.thousands = thousands
-    if table.frame.empty:
-        raise reject("file", table.file, "rows of numbers")
-    single = object_column == ONE_OBJECT
-    if not columns and (pairs := _pairs(table)):
-        table, single = _below_each_other(table, pairs), True
-        object_column = str(len(table.names))
-    polar = ("range", "bearing", "rate")
-    axes = (("x", "y"), ("lat", "lon"), polar[:2]) if radar is None else (polar[: radar.values],)
-    find_columns(table, columns, object_column, axes)
-    objects = object_names(table, Path(path))
-    times = read_times(table, time_unit, tau)
-    if "range" in table.roles:
-        places = read_polar(table, times.seconds, objects.groupby(objects).indices.values(), radar)
-    else:
-        places = read_positions(table, unit, frame)
-    rows = places.rows.assign(
-        time=times.seconds,
-        cell=times.cells,
-        void=void_rows(table),
-        segment=table.segments,
-        object=objects,
-    )
-    if object_column is None and cleaning.told_apart(table, rows):
-        rows["object"] = object_names(table, Path(path))
-    by_object = rows.groupby("object", sort=False)
-    recordings, refused = [], []
-    for _, own in by_object:
-        try:
-            recordings.append(_recording(table, times, places, own, gap, single))
-        except ArgumentError as error:
-            refused.append(str(error))
-    if bad_rows == "refuse" and table.left_out:
-        line, reason = min((min(lines), reason) for reason, lines in table.left_out.items())
-        raise ArgumentError(f"{table.file}, line {line}: {reason}: left out with --bad-rows skip")
-    if not recordings:
-        raise ArgumentError(f"{table.file}: {[*refused, 'no row names an object'][0]}")
-    tick = recordings[0].tick
-    if tau is not None and "time" in table.roles and abs(tau / tick - 1) > 1e-3:
-        raise reject("tau", tau, f"no value, or the median step of the times, {tick:.6g}")
-    count, total = cleaning.lost(table), len(table.frame)
-    if count > 0.1 * total:
-        causes = cleaning.causes(table)
-        refused.insert(0, f"{table.file}: {count:,} of {total:,} rows are left out: {causes}")
-    left_out = {reason: len(lines) for reason, lines in table.left_out.items()}
-    return RecordingFile(
-        tuple(replace(recording, left_out=left_out) for recording in recordings),
-        summary(table, times, recordings),
-        left_out,
-        tuple(refused),
-        len(by_object),
-    )
+    with named_in_errors(path) as file:
+        table = read_table(path)
+        table.thousands, table.file = thousands, file
+        if table.frame.empty:
+            raise ArgumentError("expected rows of numbers")
+        single = object_column == ONE_OBJECT
+        if not columns and (pairs := _pairs(table)):
+            table, single = _below_each_other(table, pairs), True
+            object_column = str(len(table.names))
+        polar = ("range", "bearing", "rate")
+        axes = (
+            (("x", "y"), ("lat", "lon"), polar[:2]) if radar is None else (polar[: radar.values],)
+        )
+        find_columns(table, columns, object_column, axes)
+        objects = object_names(table, Path(path))
+        times = read_times(table, time_unit, tau)
+        if "range" in table.roles:
+            places = read_polar(table, times.seconds, objects, radar)
+        else:
+            places = read_positions(table, unit, frame)
+        rows = places.rows.assign(
+            time=times.seconds,
+            cell=times.cells,
+            void=void_rows(table),
+            segment=table.segments,
+            object=objects,
+        )
+        if object_column is None and cleaning.told_apart(table, rows):
+            rows["object"] = object_names(table, Path(path))
+        by_object = rows.groupby("object", sort=False)
+        recordings, refused = [], []
+        for _, own in by_object:
+            try:
+                recordings.append(_recording(table, times, places, own, gap, single))
+            except ArgumentError as error:
+                refused.append(str(error))
+        if bad_rows == "refuse" and table.left_out:
+            line, reason = min((min(lines), reason) for reason, lines in table.left_out.items())
+            raise ArgumentError(f"line {line}: {reason}: left out with --bad-rows skip")
+        if not recordings:
+            raise ArgumentError([*refused, "no row names an object"][0])
+        tick = recordings[0].tick
+        if tau is not None and "time" in table.roles and abs(tau / tick - 1) > 1e-3:
+            raise reject("tau", tau, f"no value, or the median step of the times, {tick:.6g}")
+        count, total = cleaning.lost(table), len(table.frame)
+        if count > 0.1 * total:
+            causes = cleaning.causes(table)
+            refused.insert(0, f"{table.file}: {count:,} of {total:,} rows are left out: {causes}")
+        left_out = {reason: len(lines) for reason, lines in table.left_out.items()}
+        return RecordingFile(
+            tuple(replace(recording, left_out=left_out) for recording in recordings),
+            summary(table, times, recordings),
+            left_out,
+            tuple(refused),
+            len(by_object),
+        )
 
 
 def _pairs(table: Table) -> list[int]:
@@ -176,7 +179,7 @@ def _below_each_other(table: Table, pairs: list[int]) -> Table:
     each, see `_pairs`.
     """
     others = [k for k in range(len(table.names)) if not {k, k - 1} & {*pairs}]
-    check_sizes(table.file, cells=len(pairs) * len(table.frame) * (len(others) + 3))
+    check_sizes(cells=len(pairs) * len(table.frame) * (len(others) + 3))
     parts = [
         table.frame[[*others, k, k + 1]].set_axis(range(len(others) + 2), axis=1) for k in pairs
     ]
@@ -216,7 +219,7 @@ def read_times(table: Table, unit: str | None = None, tau: float | None = None) 
         ticks = times.seconds - times.seconds.min()
         table.notes.append(f"{table.label(role)!r} taken as ticks")
     elif unit is not None:
-        allowed = f"no value, as {table.file} has no times: name them by --columns time=..."
+        allowed = "no value, as the file has no times: name them by --columns time=..."
         raise reject("time_unit", unit, allowed)
     if tau is None:
         return Times(ticks, None, "", "ticks")

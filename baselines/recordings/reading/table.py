@@ -15,8 +15,6 @@ from hybrid_env.checks import BoolArray, FloatArray, IntArray
 class Table:
     """Cells of a file, before it is known what they mean."""
 
-    # Its path for messages, shortened.
-    file: str
     # One column for each of `names`, labelled by its number from 0; rows by their lines, from 1.
     frame: pd.DataFrame
     # Whether the file names its columns.
@@ -29,6 +27,8 @@ class Table:
     segments: IntArray | int = 0
     # Lines that were left out, by the reason.
     left_out: dict[str, list[int]] = field(default_factory=dict)
+    # Its path for messages, shortened.
+    file: str = ""
     # What was assumed, for the summary.
     notes: list[str] = field(default_factory=list)
 

@@ -34,11 +34,8 @@ def _directions(first: FloatArray, second: FloatArray, polar: bool) -> dict[str,
         }
     # More than a circle is no course.
     course = np.where(np.abs(second) > 360.0, np.nan, second)
-    radians = np.radians(course)
     return {
-        "course in degrees from north": 1j * first * np.exp(-1j * radians),
-        "course in radians from north": 1j * first * np.exp(-1j * course),
-        "course in degrees from the x axis": first * np.exp(1j * radians),
+        "course in degrees from north": 1j * first * np.exp(-1j * np.radians(course)),
         "course in radians from the x axis": first * np.exp(1j * course),
     }
 
