@@ -135,9 +135,9 @@ def _median_step(rows: pd.DataFrame, groups: list[Any]) -> float:
     return float(_step_lengths(rows.groupby(groups)).median())
 
 
-def _step_lengths(rows: Any) -> "pd.Series[float]":
-    """Return the distance of each row, or row of a group, from the one before."""
-    steps = rows[["x", "y"]].diff()
+def _step_lengths(rows: Any, lag: int = 1) -> "pd.Series[float]":
+    """Return the distance of each row, or row of a group, from the one before, or further back."""
+    steps = rows[["x", "y"]].diff(lag)
     return np.hypot(steps.x, steps.y)
 
 
@@ -179,21 +179,14 @@ def fresh_rows(table: Table, rows: pd.DataFrame) -> pd.DataFrame:
     return table.without(rows, rows.index.isin(measured.index[~moved]), STALE)
 
 
-def rows_alternate(positions: FloatArray) -> bool:
+def rows_alternate(rows: pd.DataFrame) -> bool:
     """Whether many rows are far from the row before, but near to one of the three before that, as
     those of several objects in one file.
     """
-    window = 4
-    if len(positions) < 2 * window:
-        return False
-    before = np.array(
-        [
-            np.hypot(*(positions[window:] - positions[window - lag : -lag]).T)
-            for lag in range(1, window + 1)
-        ]
-    )
-    nearest = before.min(axis=0)
-    return bool(np.median(nearest) > 0.0 and (before[0] > 10.0 * nearest).mean() >= 0.25)
+    before = pd.DataFrame({lag: _step_lengths(rows, lag) for lag in (1, 2, 3, 4)}).dropna()
+    nearest = before.min(axis=1)
+    far = (before[1] > 10.0 * nearest).mean()
+    return bool(len(before) >= 4 and nearest.median() > 0.0 and far >= 0.25)
 
 
 @np.errstate(over="ignore", invalid="ignore")
@@ -202,27 +195,28 @@ def jumps_between_places(rows: pd.DataFrame) -> tuple[float, int]:
     do, and how often it does; (0, 0) if it does not. Both places have more than a tenth of the
     sorted rows, and the way between them is ten times faster than others.
     """
-    positions, times = rows[["x", "y"]].to_numpy(), rows.time.to_numpy()
-    if len(times) < FEWEST or times[0] == times[-1]:
+    if len(rows) < FEWEST or rows.time.nunique() < 2:
         return 0.0, 0
-    along = positions[:, np.ptp(positions, axis=0).argmax()]
+    places = rows[["x", "y"]]
+    along = places[(places.max() - places.min()).idxmax()].to_numpy()
     ordered = np.sort(along)
     beyond = along > ordered[np.diff(ordered).argmax()]
     # Several rows may have one time.
-    step = np.ptp(times) / len(times)
-    of_places = [_speeds(times[at], positions[at], step) for at in (beyond, ~beyond)]
-    usual = np.quantile(np.concatenate(of_places), 0.99)
-    jumps = int((_speeds(times, positions, step)[np.diff(beyond)] > 10.0 * usual).sum())
+    step = (rows.time.max() - rows.time.min()) / len(rows)
+    usual = _speeds(rows.groupby(beyond), step).quantile(0.99)
+    between = np.diff(beyond, prepend=beyond[:1])
+    jumps = int((_speeds(rows, step)[between] > 10.0 * usual).sum())
     if usual == 0.0 or jumps < 4 or not 0.1 < beyond.mean() < 0.9:
         return 0.0, 0
-    distance = np.median(positions[beyond], axis=0) - np.median(positions[~beyond], axis=0)
-    return float(np.hypot(*distance)), jumps
+    distance = places[beyond].median() - places[~beyond].median()
+    return float(np.hypot(distance.x, distance.y)), jumps
 
 
-def _speeds(times: FloatArray, positions: FloatArray, step: float) -> FloatArray:
-    """Return the speeds (n - 1,) between successive positions (n, 2), at least a step apart."""
-    lengths: FloatArray = np.hypot(*np.diff(positions, axis=0).T)
-    return lengths / np.maximum(np.diff(times), step)
+def _speeds(rows: Any, step: float) -> "pd.Series[float]":
+    """Return the speed to each row, or row of a group, from the one before, at least a step
+    apart.
+    """
+    return _step_lengths(rows) / rows["time"].diff().clip(step)
 
 
 def look_like_degrees(rows: pd.DataFrame) -> bool:

@@ -258,7 +258,7 @@ def _recording(
             f"{name} jumps {jumps:,} times between two places that are"
             f" {float(f'{distance:.3g}'):,g} {unit} apart, as two objects of one name: {several}"
         )
-    if not single and cleaning.rows_alternate(rows[axes].dropna().to_numpy()):
+    if not single and cleaning.rows_alternate(rows.dropna(subset=axes)):
         raise ArgumentError(
             "rows alternate between places that are far apart, as of two objects:"
             f" {several}, or --object none for a single one"
