@@ -16,7 +16,6 @@ from agents.figures.curves import Curve, draw_levels, draw_panel, panel_figure
 from agents.figures.decider_colours import decider_styles
 from baselines.scoring.scores import Statistic, mean
 from baselines.scoring.statements import STATISTICS
-from hybrid_env.checks import FloatArray
 
 # Deciders by name; those of one name differ only in their training seed.
 Groups = Mapping[str, Sequence[Result]]
@@ -66,11 +65,6 @@ def curves(
     return drawn
 
 
-def _selected(drawn: Sequence[Curve]) -> FloatArray:
-    """Return x and y, (2, n), of the selected thresholds of curves."""
-    return np.concatenate([np.reshape(curve.selected, (-1, 2)) for curve in drawn]).T
-
-
 def _draw_announced(task: Any, groups: Groups, panels: Sequence[Any], bound: float | None) -> None:
     """Draw mean reward and accuracy against mean decision time; the best rule and the bound on the
     reward are dashed lines.
@@ -84,7 +78,7 @@ def _draw_announced(task: Any, groups: Groups, panels: Sequence[Any], bound: flo
     least = 0.5 / (first.episodes * task.options.segments)
     errors = curves(task, groups, mean("ticks"), wrong_share, least_y=least)
     rewards = curves(task, groups, mean("ticks"), mean("reward"))
-    earned = {curve.name: np.reshape(curve.selected, (-1, 2))[:, 1].max() for curve in rewards}
+    earned = {curve.name: np.asarray(curve.selected)[:, 1].max() for curve in rewards}
     best = max(earned.values())
     # Others, which earn much less, are named in the note.
     near = {name: reward for name, reward in earned.items() if reward >= best - 0.2 * abs(best)}
@@ -144,7 +138,8 @@ def _draw_unknown(task: Any, groups: Groups, panels: Sequence[Any]) -> None:
     )
     for axes, (title, label, name) in zip(panels, parts, strict=True):
         drawn = curves(task, groups, mean("wrong_changes"), STATISTICS[name], least_x=0.0)
-        rates = [task.equal_wrong_changes, *(_selected(drawn)[0] if drawn else [])]
+        chosen = (x for curve in drawn for x in np.asarray(curve.selected)[:, 0])
+        rates = [task.equal_wrong_changes, *chosen]
         low, high = min(rates) / 3.0, max(rates) * 3.0
         places = [digit * power for power in (0.01, 0.1, 1.0, 10.0, 100.0) for digit in (1, 2, 5)]
         ticks = [rate for rate in places if low <= rate <= high]

@@ -15,7 +15,6 @@ from agents.interface.output_files import finite
 from baselines.rules.rollout import rollout
 from baselines.scoring.statements import Statements, measure_statements
 from baselines.scoring.timelines import NO_MODE
-from hybrid_env.checks import FloatArray
 from hybrid_env.registration import make_track_vector_env
 from hybrid_env.rendering.evidence import mode_name
 from hybrid_env.rendering.history import History
@@ -65,11 +64,35 @@ class Episodes:
             yield self.history
 
     def page_data(self) -> dict[str, Any]:
-        """Return what a page shows of the episode that was played last."""
+        """Return what a page shows of the episode that was played last, as lists: modes, outcomes,
+        delays so far, rewards so far, estimates and posteriors of every tick, those that are drawn,
+        and the ticks of the decisions.
+        """
+        history = self.history
         rows, rewards = zip(*self.rewards, strict=True)
-        earned = np.zeros(len(self.history.trace))
+        earned = np.zeros(len(history.trace))
         earned[list(rows)] = rewards
-        return {"name": self.name, **page_data(self.task, self.history, earned)}
+        decisions = timeline(self.task, history)
+        modes, marks, decided = decisions["modes"], decisions["marks"], decisions["right"]
+        evidence = history.evidence.T
+        if self.task.waits:
+            decided = modes != NO_MODE
+            # A declaration is shown at its tick.
+            modes[marks] = [decision["decided_mode"] for decision in history.decisions]
+            evidence = softmax(evidence, axis=0)
+        segments = np.split(decided, history.switches[1:])
+        delays = [np.cumsum(~np.logical_or.accumulate(segment)) for segment in segments]
+        arrays = {
+            "modes": modes,
+            "right": decisions["right"],
+            "delays": np.concatenate(delays),
+            "rewards": np.cumsum(earned),
+            "estimates": history.points("estimate_").T,
+            "posteriors": evidence.round(4),
+            "drawn": history.drawn,
+            "marks": marks,
+        }
+        return {"name": self.name, **{name: finite(array) for name, array in arrays.items()}}
 
 
 def episode_table(task: Task, title: str, history: History) -> Table:
@@ -98,55 +121,20 @@ def timeline(task: Task, history: History) -> dict[str, Any]:
     a declaration; whether they are `right` (T,); the ticks `marks` at which a mode is declared, or
     the statement changes; a `summary` of statements.
     """
-    return _declared(history) if task.waits else _stated(task, history)
-
-
-def page_data(task: Task, history: History, rewards: FloatArray) -> dict[str, Any]:
-    """Return what the page of an episode shows of a decider, as lists: modes, outcomes, delays so
-    far, rewards so far, estimates and posteriors of every tick, those that are drawn, and the
-    ticks of the decisions.
-    """
-    decisions = timeline(task, history)
-    modes, marks, decided = decisions["modes"], decisions["marks"], decisions["right"]
-    evidence = history.evidence.T
     if task.waits:
-        decided = modes != NO_MODE
-        # A declaration is shown at its tick.
-        modes[marks] = [decision["decided_mode"] for decision in history.decisions]
-        evidence = softmax(evidence, axis=0)
-    segments = np.split(decided, history.switches[1:])
-    delays = [np.cumsum(~np.logical_or.accumulate(segment)) for segment in segments]
-    arrays = {
-        "modes": modes,
-        "right": decisions["right"],
-        "delays": np.concatenate(delays),
-        "rewards": np.cumsum(rewards),
-        "estimates": history.points("estimate_").T,
-        "posteriors": evidence.round(4),
-        "drawn": history.drawn,
-        "marks": marks,
-    }
-    return {name: finite(array) for name, array in arrays.items()}
-
-
-def _declared(history: History) -> dict[str, Any]:
-    """Return the declarations: statements from their tick to the end of the segment."""
-    lengths, ticks, correct = (
-        np.array([decision[key] for decision in history.decisions])
-        for key in ("decided_length", "ticks", "correct")
-    )
-    switches = np.cumsum(lengths) - lengths
-    since = np.arange(len(history.stated)) - np.repeat(switches, lengths)
-    return {
-        "modes": np.where(since < np.repeat(ticks, lengths), NO_MODE, history.stated),
-        "right": np.repeat(correct, lengths),
-        "marks": switches + ticks - 1,
-        "summary": "",
-    }
-
-
-def _stated(task: Task, history: History) -> dict[str, Any]:
-    """Return the statements."""
+        lengths, ticks, correct = (
+            np.array([decision[key] for decision in history.decisions])
+            for key in ("decided_length", "ticks", "correct")
+        )
+        switches = np.cumsum(lengths) - lengths
+        since = np.arange(len(history.stated)) - np.repeat(switches, lengths)
+        return {
+            # From its tick to the end of the segment.
+            "modes": np.where(since < np.repeat(ticks, lengths), NO_MODE, history.stated),
+            "right": np.repeat(correct, lengths),
+            "marks": switches + ticks - 1,
+            "summary": "",
+        }
     stated, true = history.stated, history.true_modes
     metrics = measure_statements(
         Statements(true[:, None], stated[:, None]), task.options.change_cost

@@ -175,32 +175,19 @@ def load_network(policy: SavedPolicy) -> torch.nn.Module:
         checked("hidden", policy.entry["hidden"], Units)
         with torch.device("meta"):
             net: torch.nn.Module = policy.kind.network_of(policy.entry)
-        load_weights(net, policy.weights)
+        net.load_state_dict(policy.weights, assign=True)
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
         raise unreadable_policy(policy.folder, error) from None
     net.eval()
     return net
 
 
-def load_weights(module: torch.nn.Module, weights: Mapping[str, Tensor]) -> None:
-    """Put weights into a module, which may be on the device "meta"; `ValueError` if names or
-    shapes differ.
-    """
-    expected = {name: tuple(tensor.shape) for name, tensor in module.state_dict().items()}
-    given = {name: tuple(tensor.shape) for name, tensor in weights.items()}
-    for name in sorted(expected | given):
-        if given.get(name) != expected.get(name):
-            shapes = f"{given.get(name)}, not {expected.get(name)}"
-            raise ValueError(f"weights {name} have the shape {shapes} as on the card")
-    module.load_state_dict(weights, assign=True)
-
-
 def unreadable_policy(folder: Path, error: Exception) -> ValueError:
     """Return the error for a run folder without a complete policy."""
-    reason = f"no {error}" if isinstance(error, KeyError) else first_line(error)
+    reason = f"no {error}" if isinstance(error, KeyError) else one_line(error)
     return reject("run", str(folder), f"a run folder with {WEIGHTS} and {CARD} ({reason})")
 
 
-def first_line(error: Exception) -> str:
-    """Return the first line of an error message, of at most 200 characters."""
-    return (str(error).splitlines() or [type(error).__name__])[0][:200]
+def one_line(error: Exception) -> str:
+    """Return an error message as one line of at most 200 characters."""
+    return " ".join(str(error).split())[:200] or type(error).__name__

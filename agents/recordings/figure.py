@@ -13,7 +13,7 @@ from matplotlib.transforms import blended_transform_factory
 from agents.figures.canvas import GREY, WIDTH, new_canvas
 from agents.recordings.tracked_recording import TrackedRecording
 from baselines.estimation.forecast import forecast
-from hybrid_env.checks import FloatArray, IntArray, Moments
+from hybrid_env.checks import IntArray
 from hybrid_env.rendering.evidence import mode_colour
 
 # After the last row, in the picture.
@@ -122,19 +122,28 @@ def _draw_ground(axes: Any, tracked: TrackedRecording) -> None:
     marked = positions[first if len(first) <= 60 else first[:0]]
     axes.plot(*marked.T, "o", color="black", markerfacecolor="white", label="new piece")
     axes.plot(*positions[first[0]], "s", color="black", label="first row")
-    means, covariances = forecast_at_end(tracked)
-    draw_forecast(axes, means, covariances)
-    axes.update_datalim(means)
+    _draw_forecast(axes, tracked)
     axes.set_aspect("equal", adjustable="datalim")
     axes.autoscale_view()
     axes.set(title=f"{recording.name}: decided pieces", xlabel=f"x [{unit}]", ylabel=f"y [{unit}]")
     axes.grid(alpha=0.25)
 
 
-def draw_forecast(axes: Any, means: FloatArray, covariances: FloatArray) -> None:
-    """Draw forecasts of the position, means (k, 2) and covariances (k, 2, 2), as ellipses that hold
-    95 % of a normal distribution.
+def _draw_forecast(axes: Any, tracked: TrackedRecording) -> None:
+    """Draw forecasts of the position, `FORECAST_TICKS` after the last row with an estimate, as
+    ellipses that hold 95 % of a normal distribution.
     """
+    known = np.flatnonzero(np.isfinite(tracked.covariances).all(axis=(1, 2)))
+    if not known.size:
+        return
+    row = known[-1]
+    means, covariances = forecast(
+        tracked.estimates[row],
+        tracked.covariances[row],
+        tracked.probabilities[row],
+        tracked.model,
+        tracked.model.tau * np.array(FORECAST_TICKS),
+    )
     label = f"95 % after {', '.join(map(str, FORECAST_TICKS))} ticks"
     for mean, covariance in zip(means, covariances, strict=True):
         variances, vectors = np.linalg.eigh(covariance)
@@ -145,23 +154,7 @@ def draw_forecast(axes: Any, means: FloatArray, covariances: FloatArray) -> None
         axes.add_artist(ellipse)
         # The legend names the first one.
         label = ""
-
-
-def forecast_at_end(tracked: TrackedRecording) -> Moments:
-    """Return the forecasts `FORECAST_TICKS` after the last row with an estimate, nothing without
-    one.
-    """
-    known = np.flatnonzero(np.isfinite(tracked.covariances).all(axis=(1, 2)))
-    if not known.size:
-        return np.empty((0, 2)), np.empty((0, 2, 2))
-    row = known[-1]
-    return forecast(
-        tracked.estimates[row],
-        tracked.covariances[row],
-        tracked.probabilities[row],
-        tracked.model,
-        tracked.model.tau * np.array(FORECAST_TICKS),
-    )
+    axes.update_datalim(means)
 
 
 def _draw_probabilities(axes: Any, tracked: TrackedRecording) -> None:

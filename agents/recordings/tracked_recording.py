@@ -99,16 +99,8 @@ class TrackedRecording:
         first, end, modes, when = self.pieces.T
         letters, radii = self.of_modes(modes)
         moments = {"begin": first, "end": end - 1}
-        table = {
-            **self._named(len(first)),
-            "piece": np.arange(1, len(first) + 1),
-            "first_row": first + 1,
-            "last_row": end,
-            "begin": recording.times[first],
-            "end": recording.times[end - 1],
-            "mode": letters,
-            "radius": _unless(np.isnan(radii), radii),
-        }
+        table = self._spans(first, end)
+        table |= {"mode": letters, "radius": _unless(np.isnan(radii), radii)}
         if self.live:
             moments["decided"] = when
             table["decided_at"] = _unless(when < 0, recording.times[when])
@@ -134,15 +126,10 @@ class TrackedRecording:
     def climb_table(self) -> dict[str, Any]:
         """Return the columns of climbs.csv, of recordings with altitudes."""
         assert self.vertical is not None
-        recording, vertical = self.recording, self.vertical
+        vertical = self.vertical
         first, end = vertical.pieces.T
         return {
-            **self._named(len(first)),
-            "piece": np.arange(1, len(first) + 1),
-            "first_row": first + 1,
-            "last_row": end,
-            "begin": recording.times[first],
-            "end": recording.times[end - 1],
+            **self._spans(first, end),
             "motion": vertical.words(),
             "climb_rate": vertical.of_pieces[:, 0],
             "climb_rate_deviation": vertical.of_pieces[:, 1],
@@ -189,7 +176,9 @@ class TrackedRecording:
         """Return the content of track.json: what `OnlineTracker.from_recording` needs, and what was
         left out, in plain values.
         """
-        recording, model = self.recording, self.model
+        recording, model = self.recording, dict(vars(self.model))
+        # What only a summary says.
+        del model["turns"], model["better_radii"]
         radar = None if recording.radar is None else asdict(recording.radar)
         if radar is not None:
             # A recording has measurements of radars without limits only.
@@ -202,19 +191,10 @@ class TrackedRecording:
             "wind": self.wind.tolist(),
             "projection": None if recording.projection is None else asdict(recording.projection),
             "radar": radar,
-            "tick": float(model.tau),
-            "gap": float(recording.gap),
-            "measurement_variance": float(model.measurement_variance),
-            "process_variance": float(model.process_variance),
-            "drift_variance": float(model.drift_variance),
-            "velocity_variance": float(model.velocity_variance),
-            "stopping_time": float(model.stopping_time),
+            **model,
+            "gap": recording.gap,
+            "modes": [mode.as_json() for mode in self.model.modes],
             "height_variance": 0.0 if self.vertical is None else self.vertical.variance,
-            "radii": [float(radius) for radius in model.radii],
-            "modes": [mode.as_json() for mode in model.modes],
-            "duration": float(model.duration),
-            "speed": float(model.speed),
-            "estimated": list(model.estimated),
             "durations": self.durations,
             "ticks": self.grid.longest,
             "decider": self.decider,
@@ -224,6 +204,17 @@ class TrackedRecording:
             "outliers": self.outliers,
             "standing": self.standing,
             "warnings": self.warnings,
+        }
+
+    def _spans(self, first: IntArray, end: IntArray) -> dict[str, Any]:
+        """Return the columns that say where pieces are, from first row and end of each."""
+        return {
+            **self._named(len(first)),
+            "piece": np.arange(1, len(first) + 1),
+            "first_row": first + 1,
+            "last_row": end,
+            "begin": self.recording.times[first],
+            "end": self.recording.times[end - 1],
         }
 
     def _named(self, rows: int) -> dict[str, list[str]]:
@@ -270,17 +261,17 @@ def row_results(
     residuals[~recording.measured] = np.nan
     tables = []
     for piece, of_piece in zip(pieces, decisions, strict=True):
-        table = of_piece.pieces + piece.first
-        table[:, 2] = of_piece.pieces[:, 2]
-        table[of_piece.pieces[:, 3] < 0, 3] = -1
-        tables.append(table)
+        # First row, end, and row of the decision; not the mode.
+        offsets = np.where(of_piece.pieces < 0, 0, piece.first)
+        offsets[:, 2] = 0
+        tables.append(of_piece.pieces + offsets)
+    empty = {"modes": -1, "decided": False}
+    of_rows = ("modes", "decided", "probabilities", "estimates", "covariances", "turns")
     return {
-        "modes": at_rows([each.modes for each in decisions], -1),
-        "decided": at_rows([each.decided for each in decisions], False),
-        "probabilities": at_rows([each.probabilities for each in decisions]),
-        "estimates": at_rows([each.estimates for each in decisions]),
-        "covariances": at_rows([each.covariances for each in decisions]),
-        "turns": at_rows([each.turns for each in decisions]),
+        **{
+            name: at_rows([getattr(each, name) for each in decisions], empty.get(name, np.nan))
+            for name in of_rows
+        },
         "residuals": residuals,
         "pieces": np.concatenate(tables),
         "moments": np.concatenate([each.moments for each in decisions]),

@@ -108,8 +108,7 @@ class TrackingArguments(ErrorArguments):
             raise reject("decider", self.decider, f"{', '.join(rules(task))} or an agent, {remedy}")
 
     def track(self, recording: Recording) -> TrackedRecording:
-        """Track a recording."""
-        self.check_tracking()
+        """Track a recording; the arguments are checked before."""
         if recording.radar is not None and self.measurement_variance is not None:
             variance = self.measurement_variance
             raise reject("measurement_variance", variance, "none with radar, which has its own")
@@ -262,6 +261,7 @@ def track_recording(
     """
     arguments = of_keywords(TrackingArguments, options)
     check_fields(arguments)
+    arguments.check_tracking()
     if radar is None:
         values = check_array("positions", positions, (None, None), missing=True)
         if values.shape[1] not in (2, 4):

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, hstack
 
 from hybrid_env.checks import BoolArray, FloatArray, IntArray
 
@@ -133,6 +133,8 @@ class _Line(NamedTuple):
     errors: FloatArray
     # (2 K, 2 K) about the values and the inner corners, for errors of variance 1.
     information: FloatArray
+    # (K - 1,) of half the sum of the squared errors, by the inner corners, negative.
+    gradient: FloatArray
 
     @property
     def slopes(self) -> FloatArray:
@@ -144,20 +146,17 @@ def _fit(corners: FloatArray, t: FloatArray, z: FloatArray) -> _Line:
     """Return the line with some corners."""
     place = np.searchsorted(corners, t, side="right").clip(1, len(corners) - 1) - 1
     share = (t - corners[place]) / np.diff(corners)[place]
-    size = len(corners)
-    shares = np.stack([1.0 - share, share])
-    places = np.stack([place, place + 1])
-    hats = _columns(places, shares, size)
+    rows, size = len(t), len(corners)
+    weights, places = np.stack([1.0 - share, share], 1), np.stack([place, place + 1], 1)
+    hats = csr_array((weights.ravel(), places.ravel(), 2 * np.arange(rows + 1)), (rows, size))
     values = _inverse((hats.T @ hats).toarray()) @ (hats.T @ z)
     errors = z - hats @ values
-    # If a corner moves on, the line before it falls by the rate, and so does the one behind it.
-    slopes = (np.diff(values) / np.diff(corners))[place]
-    both = np.concatenate([places, size + places - 1])
-    weights = np.concatenate([shares, -slopes * shares])
-    # The first and the last corner do not move.
-    weights[2:][(places == 0) | (places == size - 1)] = 0.0
-    change = _columns(both.clip(0, 2 * size - 3), weights, 2 * size - 2)
-    return _Line(corners, values, errors, (change.T @ change).toarray())
+    # If a corner moves on, the line before it falls by the rate, and so does the one behind it. The
+    # first and the last corner do not move.
+    falls = -(np.diff(values) / np.diff(corners))[place]
+    change = hstack([hats, hats[:, 1:-1].multiply(falls[:, None])])
+    gradient = (change.T @ errors)[size:]
+    return _Line(corners, values, errors, (change.T @ change).toarray(), gradient)
 
 
 def _inverse(information: FloatArray) -> FloatArray:
@@ -165,13 +164,6 @@ def _inverse(information: FloatArray) -> FloatArray:
     # Over the mean.
     little = 1e-12 * np.trace(information) / len(information)
     return np.asarray(np.linalg.inv(information + little * np.eye(len(information))))
-
-
-def _columns(places: IntArray, weights: FloatArray, size: int) -> csr_array:
-    """Return a matrix (n, size) with weights (k, n) in the columns `places`, (k, n)."""
-    count, rows = places.shape
-    starts = count * np.arange(rows + 1)
-    return csr_array((weights.T.ravel(), places.T.ravel(), starts), (rows, size))
 
 
 def _penalty(rows: int) -> float:
@@ -232,15 +224,9 @@ def _moved(line: _Line, t: FloatArray, z: FloatArray, variance: float) -> _Line:
     size = len(line.corners)
     step = 4.0 * float(np.median(np.diff(t)))
     for _ in range(5 if size > 2 else 0):
-        place = np.searchsorted(line.corners, t, side="right").clip(1, size - 1) - 1
-        share = (t - line.corners[place]) / np.diff(line.corners)[place]
-        fall = -line.slopes[place] * line.errors
-        gradient = np.bincount(place, fall * (1.0 - share), size)
-        gradient += np.bincount(place + 1, fall * share, size)
         held = line.information.copy()
         held[range(size, 2 * size - 2), range(size, 2 * size - 2)] += variance / step**2
-        right = np.append(np.zeros(size), gradient[1:-1])
-        change = (_inverse(held) @ right)[size:]
+        change = _inverse(held)[size:, size:] @ line.gradient
         room = 0.4 * np.minimum(np.diff(line.corners)[:-1], np.diff(line.corners)[1:])
         corners = line.corners.copy()
         corners[1:-1] += np.clip(change, -room, room)

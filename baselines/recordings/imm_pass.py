@@ -8,14 +8,15 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
+from annotated_types import Interval
 
 from baselines.recordings.ticks import TickGrid
 from baselines.recordings.track_modes import in_units
 from baselines.rules.hindsight import PROCESS_SHARE
-from hybrid_env.checks import AnyArray, BoolArray, FloatArray, IntArray
+from hybrid_env.checks import AnyArray, BoolArray, FloatArray, IntArray, PositiveOrZero
 from hybrid_env.compiled import (
     HEIGHT_FIELDS,
     LANES,
@@ -41,6 +42,11 @@ from hybrid_env.sensors import Radar, Sensor, sensor_table
 PASS_BLOCK = lanes_of(
     **MEASURED_FIELDS, **HEIGHT_FIELDS, estimate=(float, 4), covariance=(float, 10)
 )
+
+
+# Of the units of a recording, which are any; squares and products do not overflow.
+Found = Annotated[float, Interval(ge=1e-60, le=1e60)]
+FoundOrZero = Annotated[float, Interval(ge=0.0, le=1e60)]
 
 
 class Chunks(NamedTuple):
@@ -247,31 +253,35 @@ class TrackModel:
     """What the filters assume of a recording, in its units."""
 
     # Of turns, each to the left and to the right.
-    radii: tuple[float, ...]
+    radii: tuple[Found, ...]
     # R of each coordinate.
-    measurement_variance: float
+    measurement_variance: Found
     # Q of each velocity in a tick.
-    process_variance: float
+    process_variance: FoundOrZero
     # Mean, of a segment [ticks]; infinite for modes that only change at known switches.
-    duration: float
+    duration: PositiveOrZero
     # Median.
-    speed: float
-    # Tick.
-    tau: float
+    speed: FoundOrZero
+    tick: Found
     # Names of the attributes above that were not given.
     estimated: tuple[str, ...] = ()
     # Whether turns of these radii explain the recording better than straight motion alone.
     turns: bool = True
     # Proposed by the recording, which they explain better than the given ones.
-    better_radii: tuple[float, ...] = ()
+    better_radii: tuple[Found, ...] = ()
     # Without one, straight motion and the turns of the radii.
     modes: tuple[Mode, ...] = ()
     # Of the drift of each measured coordinate in a tick, as of a GPS.
-    drift_variance: float = 0.0
+    drift_variance: FoundOrZero = 0.0
     # Of each coordinate of measured velocities; 0 without them.
-    velocity_variance: float = 0.0
+    velocity_variance: FoundOrZero = 0.0
     # In which the speed falls by a factor of e before a stop; 0 if that is not known.
-    stopping_time: float = 0.0
+    stopping_time: FoundOrZero = 0.0
+
+    @property
+    def tau(self) -> float:
+        """Length of a tick, as of options."""
+        return self.tick
 
     @property
     def hypotheses(self) -> int:

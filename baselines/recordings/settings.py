@@ -4,49 +4,27 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
-from annotated_types import Interval
-
-from baselines.recordings.imm_pass import TrackModel
+from baselines.recordings.imm_pass import FoundOrZero, TrackModel
 from baselines.recordings.projection import Projection
 from baselines.rules.decider import UNKNOWN, Decider, rules
-from hybrid_env.checks import (
-    ArgumentError,
-    Checked,
-    Count,
-    Positive,
-    PositiveOrZero,
-    declared_fields,
-    reject,
-)
+from hybrid_env.checks import ArgumentError, Checked, Count, Positive, declared_fields, reject
 from hybrid_env.json_files import read_json
 from hybrid_env.modes import Mode, planar_modes
 from hybrid_env.quickest_options import QuickestOptions
 from hybrid_env.sensors import Radar
 
-# Of the units of a recording, which are any; squares and products do not overflow.
-Found = Annotated[float, Interval(ge=1e-60, le=1e60)]
-FoundOrZero = Annotated[float, Interval(ge=0.0, le=1e60)]
-
 
 def _modes(value: Any, name: str) -> tuple[Mode, ...]:
-    return () if value == [] else planar_modes(value, name) or ()
+    return () if value in ([], ()) else planar_modes(value, name) or ()
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrackerSettings(Checked):
-    """What a tracker needs of a recording with unknown switches, in its units; the fields are those
-    of track.json.
+class TrackerSettings(TrackModel, Checked):
+    """What a tracker needs of a recording with unknown switches, in its units: its model, and other
+    fields of track.json.
     """
 
-    tick: Found
     gap: Positive
-    measurement_variance: Found
-    process_variance: FoundOrZero
-    drift_variance: FoundOrZero
-    radii: tuple[Found, ...]
-    # [ticks]
-    duration: PositiveOrZero
-    speed: FoundOrZero
     # Law; None is geometric.
     durations: str | None
     # Of the longest piece.
@@ -59,10 +37,6 @@ class TrackerSettings(Checked):
     modes: Annotated[tuple[Mode, ...], _modes]
     # Velocity of the medium.
     wind: tuple[float, float] = (0.0, 0.0)
-    # Of measured velocities; 0 without them.
-    velocity_variance: FoundOrZero = 0.0
-    # In which the speed falls by a factor of e before a stop; 0 if that is not known.
-    stopping_time: FoundOrZero = 0.0
     # Of measured heights; 0 is that of positions.
     height_variance: FoundOrZero = 0.0
 
@@ -72,26 +46,10 @@ class TrackerSettings(Checked):
             raise reject("known_switches", True, "a recording whose switches were not known")
 
     @property
-    def model(self) -> TrackModel:
-        """What the filters assume."""
-        return TrackModel(
-            self.radii,
-            self.measurement_variance,
-            self.process_variance,
-            self.duration,
-            self.speed,
-            self.tick,
-            modes=self.modes,
-            drift_variance=self.drift_variance,
-            velocity_variance=self.velocity_variance,
-            stopping_time=self.stopping_time,
-        )
-
-    @property
-    def options(self) -> QuickestOptions:
+    def world(self) -> QuickestOptions:
         """The model in the units of an environment."""
-        options = self.model.live.unknown_switches(self.durations, self.ticks, self.radar)
-        variance = self.height_variance * self.model.scales.item(0) ** 2 or options.height_variance
+        options = self.live.unknown_switches(self.durations, self.ticks, self.radar)
+        variance = self.height_variance * self.scales.item(0) ** 2 or options.height_variance
         # As in the default options.
         return replace(options, height_variance=variance, climb_variance=0.01 * variance)
 
@@ -107,7 +65,7 @@ class TrackerSettings(Checked):
         if name not in rules(UNKNOWN):
             allowed = f"one for its options: the recording was tracked by {name}"
             raise reject("decider", None, allowed)
-        decider = rules(UNKNOWN)[name].create(self.options)
+        decider = rules(UNKNOWN)[name].create(self.world)
         try:
             return decider.at(float(text)) if text else decider
         except ValueError:

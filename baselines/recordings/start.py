@@ -21,13 +21,6 @@ def unit_noise(options: ModelOptions) -> FloatArray:
     return np.array([variances[0], 0.0, variances[-1]])
 
 
-def line_weights(times: FloatArray) -> FloatArray:
-    """Return the weights (2, m) of m measurements at times (m,) [s] in the position at time 0 and
-    the velocity of the straight line through them by least squares.
-    """
-    return np.linalg.pinv(np.stack([np.ones_like(times), times], axis=1))
-
-
 def line_estimate(rows: FloatArray, options: ModelOptions) -> Moments:
     """Fit a straight line to m measurements, rows (m, 6) of tick, x, y [m] and noise xx, xy, yy
     [m^2]. Return estimate and covariance (4, 4) at the last one: of the noise of the measurements,
@@ -44,7 +37,8 @@ def line_estimate(rows: FloatArray, options: ModelOptions) -> Moments:
         return np.array([x, 0.0, y, 0.0]), covariance
     ages = ticks[-1] - ticks
     times = options.tau * ages
-    weights = line_weights(-times)
+    # Of the measurements in the last position and the velocity, by least squares.
+    weights = np.linalg.pinv(np.stack([np.ones_like(times), -times], axis=1))
     estimate = (weights @ points).T.ravel()
     # The noise that a velocity gets i ticks before the last measurement has moved the earlier
     # positions.

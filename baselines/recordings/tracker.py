@@ -17,7 +17,7 @@ from baselines.estimation.forecast import check_times
 from baselines.estimation.turn_tracks import TurnTracks
 from baselines.estimation.turns import TurnEstimate, speed_of
 from baselines.recordings.clock import TickClock, number_of
-from baselines.recordings.online_estimate import HeightEstimate, OnlineEstimate, Status
+from baselines.recordings.online_estimate import OnlineEstimate, Status
 from baselines.recordings.sensor_units import SensorUnits
 from baselines.recordings.start import FirstMeasurements, gate_distance, unit_noise
 from baselines.recordings.track_modes import in_units, names_of_modes
@@ -210,12 +210,12 @@ class OnlineTracker(OwnState):
 
         settings = read_settings(recording)
         return cls(
-            settings.options,
+            settings.world,
             settings.rule() if decider is None else decider,
             gate,
             settings.gap,
             settings.projection,
-            settings.model.scales,
+            settings.scales,
             settings.origin,
             lag,
             PROCESS_SHARE,
@@ -346,7 +346,7 @@ class OnlineTracker(OwnState):
                 )
         return self._at_time(point, moment)
 
-    def _height(self, height: float, time: Any) -> HeightEstimate:
+    def _height(self, height: float, time: Any) -> OnlineEstimate:
         """Process a measured height, and return what is known after it. It is x of a plane whose y
         says nothing; modes are a level motion, whose filter forgets the rate, and any rate.
         """
@@ -374,7 +374,12 @@ class OnlineTracker(OwnState):
             # The rate of a level height is 0.
             level = probabilities[0] * rate_variance / scales[1] ** 2
             covariance[1, 1] = max(covariance[1, 1] - level, 0.0)
-        return HeightEstimate(known.mode * side, probabilities, estimate, covariance, known.status)
+        return known._replace(
+            mode=known.mode * side,
+            probabilities=probabilities,
+            estimate=estimate,
+            covariance=covariance,
+        )
 
     def _at_time(self, point: Fused | None, time: float) -> OnlineEstimate:
         """Process what was measured at a time after the last one."""
@@ -400,9 +405,6 @@ class OnlineTracker(OwnState):
 
     def _out_of_order(self, point: Fused | None, time: float) -> OnlineEstimate:
         """Process what was measured at the time of the last measurement or before."""
-        since = [
-            max(snapshot.time, snapshot.times[0] - self.gap) < time for snapshot in self._snapshots
-        ]
         kept = [
             known
             for snapshot in self._snapshots
@@ -425,12 +427,16 @@ class OnlineTracker(OwnState):
             return self._at_time(point, time)
         if repeated:
             return self._known("repeated")
-        if not any(since):
+        before = [
+            snapshot
+            for snapshot in self._snapshots
+            if max(snapshot.time, snapshot.times[0] - self.gap) < time
+        ]
+        if not before:
             return self._known("dropped")
-        newest = len(since) - 1 - since[::-1].index(True)
-        snapshot = self._snapshots[newest]
+        snapshot = before.pop()
         again = [known for known in kept if known[0] > snapshot.time] + [(time, point)]
-        self._snapshots = self._snapshots[:newest]
+        self._snapshots = before
         self.state = snapshot.state
         self.track.restore(snapshot.arrays)
         for moment, earlier in sorted(again, key=operator.itemgetter(0)):
@@ -458,7 +464,7 @@ class OnlineTracker(OwnState):
             if point is None and k == missing - 1:
                 # The tick of `update(None)` itself.
                 self._begin_announced()
-            self._skip()
+            self._step()
         if point is None:
             return self._known("missing")
         state.measured = True
@@ -512,27 +518,23 @@ class OnlineTracker(OwnState):
         before = self.track.estimate(), self.track.covariance()
         if math.isnan(point.position[0]):
             # A bearing or a range alone.
-            self.track.measure(point.position, point)
-            self._settle(point, before)
-            self._decide(self.track.counts)
+            self._step(point, before)
             return "used"
         stale = self._is_stale(point.position, before[0], ticks)
         state.repeats = (state.repeats + 1) * stale
         if stale and state.repeats <= self.patience:
-            self._skip()
+            self._step()
             return "repeated"
         point = self._at_tick(point, *before)
         agrees = self._agrees(point, *before)
         state.agreed = (state.agreed + 1) * agrees
         if not agrees:
             state.far += 1
-            self._skip()
+            self._step()
             return "far"
         # A single one may agree only because its prediction is so uncertain.
         state.far *= state.agreed < 2
-        self.track.measure(point.position, point)
-        self._settle(point, before)
-        self._decide(self.track.counts)
+        self._step(point, before)
         return "used"
 
     def _settle(self, point: Fused | None, start: Moments | None = None) -> None:
@@ -571,12 +573,18 @@ class OnlineTracker(OwnState):
         """Time of the tick `lag` ticks ago."""
         return self.time - self._late * self.units.second - (self.lag or 0) * self.tau
 
-    def _decide(self, may_ask: bool) -> None:
-        """Ask the decider, if it may be asked or is at every tick, and apply what counts."""
-        if self.track.asks and (may_ask or self.decider.every_tick):
+    def _step(self, point: Fused | None = None, before: Moments | None = None) -> None:
+        """Advance by one tick with a measurement, or without one; `before` is as the start of
+        `_settle`. The decider is asked where it may be or is at every tick, and its action applied
+        if it counts.
+        """
+        track = self.track
+        track.measure((np.nan, np.nan) if point is None else point.position, point)
+        self._settle(point, before)
+        if track.asks and (self.decider.every_tick or (point is not None and track.counts)):
             action = self._ask_decider()
-            if self.track.counts:
-                self.track.decide(action)
+            if track.counts:
+                track.decide(action)
 
     def _at_tick(self, point: Fused, estimate: FloatArray, covariance: FloatArray) -> Fused:
         """Return what was measured, moved to its tick along the estimated velocity, unless that is
@@ -614,12 +622,6 @@ class OnlineTracker(OwnState):
             return False
         _, vx, _, vy = estimate.tolist()
         return math.hypot(vx, vy) * ticks * self.options.tau > 5.0 * state.digit
-
-    def _skip(self) -> None:
-        """Advance by one tick without a measurement."""
-        self.track.measure((np.nan, np.nan))
-        self._settle(None)
-        self._decide(False)
 
     def _agrees(self, point: Fused, estimate: FloatArray, covariance: FloatArray) -> bool:
         """Return whether a motion of the track explains a measurement."""
