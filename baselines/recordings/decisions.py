@@ -111,8 +111,13 @@ def decide_piece(
     covariance = None if start is None else np.zeros((4, 4))
     tracker.begin(start, covariance, time=times[0] - tracker.tau)
     total = piece.end - piece.first
-    known: list[Any] = []
-    begun: list[bool] = []
+    modes = np.zeros(total, int)
+    decided = np.zeros(total, bool)
+    begun = np.zeros(total, bool)
+    probabilities = np.empty((total, len(tracker.mode_names)))
+    estimates = np.empty((total, 4))
+    covariances = np.empty((total, 4, 4))
+    turns = np.empty((total, 4))
     switches = list(zip(np.cumsum([0, *lengths[:-1]]).tolist(), lengths, strict=False))
     positions = recording.positions[piece.first : piece.end].tolist()
     used = piece.measured[piece.ticks] & (np.diff(piece.ticks, prepend=-1) > 0)
@@ -134,22 +139,20 @@ def decide_piece(
         tracker.time = times[row]
         now = tracker.advance(tick - before, point, float(piece.late[row]))
         before = tick
-        begun.append(tracker.begun)
-        known.append((*now[:5], now.turn))
-    modes, decided, probabilities, estimates, covariances, turns = map(
-        np.array, zip(*known, strict=True)
-    )
+        begun[row] = tracker.begun
+        modes[row], decided[row], probabilities[row], estimates[row], covariances[row] = now[:5]
+        turns[row] = now.turn
     # Before the first decision the mode is only assumed; without one, that of the bank.
-    first = np.argmax(decided if decided.any() else begun)
+    first = (decided if decided.any() else begun).argmax()
     modes[:first] = modes[first]
     if not lengths:
         # Runs of one mode.
-        firsts: IntArray = np.flatnonzero(np.diff(modes, prepend=-1))
-        ends: IntArray = np.append(firsts[1:], total)
+        begins: IntArray = np.flatnonzero(np.diff(modes, prepend=-1))
+        ends: IntArray = np.append(begins[1:], total)
     else:
         ends = np.searchsorted(piece.ticks, np.cumsum(lengths))
-        firsts = np.append(0, ends[:-1])
-    pieces = np.stack([firsts, ends, modes[ends - 1], np.full_like(ends, -1)], axis=1)
+        begins = np.append(0, ends[:-1])
+    pieces = np.stack([begins, ends, modes[ends - 1], np.full_like(ends, -1)], axis=1)
     for segment in pieces:
         first, end = segment[:2]
         seen = np.flatnonzero(decided[first:end])
@@ -158,7 +161,7 @@ def decide_piece(
         elif lengths and end > first:
             segment[2] = probabilities[end - 1].argmax()
     # A piece between two rows has none.
-    pieces = pieces[ends > firsts]
-    begins = np.full((len(pieces), 2), np.nan)
-    rows = modes, decided, probabilities, estimates, covariances, turns
-    return RowDecisions(*rows, pieces, begins)
+    pieces = pieces[ends > begins]
+    moments = np.full((len(pieces), 2), np.nan)
+    arrays = modes, decided, probabilities, estimates, covariances, turns
+    return RowDecisions(*arrays, pieces, moments)

@@ -11,6 +11,24 @@ Status: TypeAlias = Literal["begun", "used", "missing", "far", "repeated", "late
 """What became of a measurement, see `OnlineEstimate`."""
 
 
+class HeightEstimate(NamedTuple):
+    """What is known of a height after a measurement.
+
+    Attributes:
+        mode: 0 level, 1 climb, 2 descend.
+        probabilities: (3,) of them.
+        estimate: (2,) [z, vz], as that of the plane; NaN before the first height.
+        covariance: (2, 2) of the estimate.
+        status: what became of the height, see `OnlineEstimate`.
+    """
+
+    mode: int
+    probabilities: FloatArray
+    estimate: FloatArray
+    covariance: FloatArray
+    status: Status
+
+
 class OnlineEstimate(NamedTuple):
     """What is known after a measurement.
 
@@ -37,9 +55,7 @@ class OnlineEstimate(NamedTuple):
         settled: with a `lag` of the tracker, what is now known of the tick so many ticks before the
             last one, in the units of the estimate; None before there is one. After an update over
             several ticks, those between are not returned.
-        height: after a position with a third coordinate, what is known of the height: as mode 0
-            level, 1 climb or 2 descend, their probabilities (3,), the estimate (2,) [z, vz], its
-            covariance (2, 2) and the status; other attributes have no meaning.
+        height: after a position with a third coordinate.
     """
 
     mode: int
@@ -51,4 +67,4 @@ class OnlineEstimate(NamedTuple):
     position: tuple[float, float] = (math.nan, math.nan)
     turn: TurnEstimate = TurnEstimate(math.nan, math.nan, math.nan, math.nan)
     settled: Settled | None = None
-    height: "OnlineEstimate | None" = None
+    height: HeightEstimate | None = None

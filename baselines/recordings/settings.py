@@ -46,7 +46,7 @@ class TrackerSettings(TrackModel, Checked):
             raise reject("known_switches", True, "a recording whose switches were not known")
 
     @property
-    def world(self) -> QuickestOptions:
+    def environment(self) -> QuickestOptions:
         """The model in the units of an environment."""
         options = self.live.unknown_switches(self.durations, self.ticks, self.radar)
         variance = self.height_variance * self.scales.item(0) ** 2 or options.height_variance
@@ -65,7 +65,7 @@ class TrackerSettings(TrackModel, Checked):
         if name not in rules(UNKNOWN):
             allowed = f"one for its options: the recording was tracked by {name}"
             raise reject("decider", None, allowed)
-        decider = rules(UNKNOWN)[name].create(self.world)
+        decider = rules(UNKNOWN)[name].create(self.environment)
         try:
             return decider.at(float(text)) if text else decider
         except ValueError:

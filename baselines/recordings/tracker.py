@@ -17,7 +17,7 @@ from baselines.estimation.forecast import check_times
 from baselines.estimation.turn_tracks import TurnTracks
 from baselines.estimation.turns import TurnEstimate, speed_of
 from baselines.recordings.clock import TickClock, number_of
-from baselines.recordings.online_estimate import OnlineEstimate, Status
+from baselines.recordings.online_estimate import HeightEstimate, OnlineEstimate, Status
 from baselines.recordings.sensor_units import SensorUnits
 from baselines.recordings.start import FirstMeasurements, gate_distance, unit_noise
 from baselines.recordings.track_modes import in_units, names_of_modes
@@ -210,7 +210,7 @@ class OnlineTracker(OwnState):
 
         settings = read_settings(recording)
         return cls(
-            settings.world,
+            settings.environment,
             settings.rule() if decider is None else decider,
             gate,
             settings.gap,
@@ -346,7 +346,7 @@ class OnlineTracker(OwnState):
                 )
         return self._at_time(point, moment)
 
-    def _height(self, height: float, time: Any) -> OnlineEstimate:
+    def _height(self, height: float, time: Any) -> HeightEstimate:
         """Process a measured height, and return what is known after it. It is x of a plane whose y
         says nothing; modes are a level motion, whose filter forgets the rate, and any rate.
         """
@@ -374,12 +374,7 @@ class OnlineTracker(OwnState):
             # The rate of a level height is 0.
             level = probabilities[0] * rate_variance / scales[1] ** 2
             covariance[1, 1] = max(covariance[1, 1] - level, 0.0)
-        return known._replace(
-            mode=known.mode * side,
-            probabilities=probabilities,
-            estimate=estimate,
-            covariance=covariance,
-        )
+        return HeightEstimate(known.mode * side, probabilities, estimate, covariance, known.status)
 
     def _at_time(self, point: Fused | None, time: float) -> OnlineEstimate:
         """Process what was measured at a time after the last one."""
