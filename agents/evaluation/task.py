@@ -83,11 +83,7 @@ class Task(ABC):
     @cached_property
     def options(self) -> Any:
         """All options of the environment, including the defaults of the id."""
-        return self.options_with({})
-
-    def options_with(self, changes: Mapping[str, Any]) -> ModelOptions:
-        """Return all options of the environment with some changes."""
-        return make_track_vector_env(self.env_id, 1, **{**self.given, **changes}).options
+        return make_track_vector_env(self.env_id, 1, **self.given).options
 
     @property
     def title(self) -> str:
@@ -307,7 +303,7 @@ class UnknownTask(Task):
     def record(
         self, decider: Decider, episodes: int, seed: int, on_progress: Callable[[float], None]
     ) -> list[Recorded]:
-        options: Any = self.options_with(decider.options)
+        options = self.changed(decider.options).options
         make = functools.partial(statement_env, options, episodes)
         every = options.decide_every
         recorded = record_in(make, decider, seed, decide_every=every)
@@ -409,5 +405,5 @@ def sweep(
         task.columns,
         np.stack(values, axis=-1),
         {name: np.stack([arrays[name] for arrays in extra]) for name in extra[0]},
-        getattr(task.options_with(decider.options), "bank", ""),
+        getattr(task.changed(decider.options).options, "bank", ""),
     )

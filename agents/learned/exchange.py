@@ -30,7 +30,9 @@ def exchanged_decider(path: Path, options: Any) -> Decider:
     Nothing is unpickled but tensors, unless policies are `trusted`.
     """
     if not path.is_file() or path.stat().st_size > LARGEST_POLICY:
-        raise reject("decider", str(path), f"a file of at most {LARGEST_POLICY:,} bytes")
+        raise reject(
+            "decider", str(path), f"a file that exists, of at most {LARGEST_POLICY:,} bytes"
+        )
     try:
         with explained():
             return _from_zip(path, options)
