@@ -1,21 +1,20 @@
 """Rows of an object that are no measurements of their own: they are left out and counted."""
 
-import functools
+from collections.abc import Collection
 from itertools import combinations
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from baselines.recordings.reading.table import Table
-from baselines.recordings.reading.values import DAY, names_of
-from hybrid_env.checks import BoolArray, FloatArray
+from baselines.recordings.reading.table import REPEATED, Table
+from baselines.recordings.reading.values import DAY
+from hybrid_env.checks import BoolArray, FloatArray, IntArray
 
 # Fewer steps do not tell how an object moves.
 FEWEST = 20
 # Reason of rows that may be of another object.
 ELSEWHERE = "repeated times at other places"
-REPEATED = "repeated times"
 STALE = "positions that a stale source repeats"
 SET_BACK = "times that the clock was set back, where a new piece begins"
 
@@ -94,99 +93,88 @@ def rows_of_times(table: Table, rows: pd.DataFrame) -> pd.DataFrame:
     axes = rows[["x", "y"]]
     apart = (axes - axes.groupby(rows.time).transform("first")).abs().max(axis=1)
     rows = table.without(rows, apart > 0.0, ELSEWHERE)
-    reason = STALE if "fix_time" in table.roles else REPEATED
-    return table.without(rows, rows.time.duplicated(), reason)
+    return table.without(rows, rows.time.duplicated(), table.repeats)
 
 
-def told_apart(table: Table, rows: pd.DataFrame) -> bool:
-    """Find the column, or the two, that tell apart the objects of a file, whose column `object`
-    they become; return False where no more than a tenth of the rows repeats a time of its object.
-    Times are unique in them, and from row to row an object moves by less than the objects are
-    apart at one time.
+def telling_columns(table: Table, rows: pd.DataFrame, used: Collection[int]) -> tuple[int, ...]:
+    """Return the column, or the two, that tell apart the objects of a file; none where no more than
+    a tenth of the rows repeats a time of its `object`. Times are unique in them, and from row to
+    row an object moves by less than the objects are apart at one time.
     """
     known = rows.dropna(subset=["time", "x", "y"])
     repeated = known.duplicated(["object", "time"]).sum()
     if repeated <= 0.1 * len(known):
-        return False
+        return ()
     apart = _median_step(known.sort_values("time", kind="stable"), ["object", "time"])
-    cells = table.frame.loc[known.index].drop(columns=[*table.roles.values()])
+    cells = table.frame.loc[known.index].drop(columns=[*used])
     few = [k for k in cells if 1 < cells[k].nunique() <= len(known) / 5 and cells[k].notna().all()]
     for columns in (*combinations(few[:10], 1), *combinations(few[:10], 2)):
         marked = known.join(cells[[*columns]]).sort_values("time")
         keys = ["object", *columns]
         unique = marked.duplicated([*keys, "time"]).sum() < 0.1 * repeated
         if unique and _median_step(marked, keys) < apart:
-            break
-    else:
-        return False
-    if "object" in table.roles:
-        columns = table.roles["object"], *columns
-    name = " and ".join(map(table.label, columns))
-    table.notes.append(f"{name!r} taken as object, as times repeat without it (--object)")
-    table.roles["object"] = columns[0]
-    if len(columns) > 1:
-        texts = [names_of(table.frame[k]) for k in columns]
-        table.roles["object"] = table.add(name, functools.reduce(lambda a, b: a + " " + b, texts))
-    return True
+            return columns
+    return ()
 
 
 def _median_step(rows: pd.DataFrame, groups: list[Any]) -> float:
     """Return the median distance of successive rows of each group."""
-    return float(_step_lengths(rows.groupby(groups)).median())
+    steps = rows.groupby(groups)[["x", "y"]].diff()
+    return float(np.hypot(steps.x, steps.y).median())
 
 
-def _step_lengths(rows: Any, lag: int = 1) -> "pd.Series[float]":
-    """Return the distance of each row, or row of a group, from the one before, or further back."""
-    steps = rows[["x", "y"]].diff(lag)
-    return np.hypot(steps.x, steps.y)
-
-
-def fill_values(rows: pd.DataFrame) -> "pd.Series[bool]":
-    """Return which rows have in both `x` and `y` a number such as 0, -1 or 9999 in place of a
-    position: it is far from the rows before and after.
+def fill_values(positions: FloatArray) -> BoolArray:
+    """Return which rows (n,) have in both coordinates of positions (n, 2) a number such as 0, -1
+    or 9999 in place of a position: it is far from the rows before and after.
     """
-    number = rows.x.where(rows.x == rows.y)
-    before = number.shift()
-    steps = _step_lengths(rows)
-    usual = _step_lengths(rows[number.isna()]).dropna()
-    # To each number and from it; next to an empty position there is none.
-    jumps = steps.where(number != before)
-    jumps = pd.concat([jumps, jumps]).groupby(pd.concat([number, before])).median()
-    counts = number.groupby(number).size()
-    fills = (
-        (jumps > 5.0 * usual.quantile(0.95))
-        # A number other than 0 is a position if it is there once.
-        & (counts > (counts.index != 0.0))
-        & (counts < 0.5 * len(rows))
-        & (len(usual) >= FEWEST)
-    )
-    return number.isin(fills.index[fills])
+    fills = np.zeros(len(positions), np.bool_)
+    same = positions[:, 0] == positions[:, 1]
+    numbers, counts = np.unique(positions[same, 0], return_counts=True)
+    steps = np.hypot(*np.diff(positions[~same], axis=0).T)
+    steps = steps[~np.isnan(steps)]
+    if len(steps) < FEWEST:
+        return fills
+    longest = 5.0 * np.quantile(steps, 0.95)
+    # A number other than 0 is a position if it is there once.
+    for number in numbers[counts > (numbers != 0.0)][:100]:
+        rows = same & (positions[:, 0] == number)
+        borders = np.flatnonzero(np.diff(rows))
+        jumps = np.hypot(*(positions[borders + 1] - positions[borders]).T)
+        # Next to an empty position there is none.
+        jumps = jumps[~np.isnan(jumps)]
+        if rows.mean() < 0.5 and len(jumps) and np.median(jumps) > longest:
+            fills |= rows
+    return fills
 
 
-def fresh_rows(table: Table, rows: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows of an object without those whose position repeats the last one, where a stale
-    source gives most of them several times. Rounded positions, which change by their last digit,
-    are none.
+def stale_rows(positions: FloatArray) -> IntArray:
+    """Return which rows (k,) of positions (n, 2) repeat the last one, where a stale source gives
+    most of them several times. Rounded positions, which change by their last digit, are none.
     """
-    measured = rows[["x", "y"]].dropna()
-    moves = measured.diff()
-    moved = (moves != 0.0).any(axis=1)
-    steps = moves[moved].abs()
-    if moved.sum() < FEWEST or np.median(np.diff(np.flatnonzero(moved))) < 2.0:
-        return rows
-    if np.hypot(steps.x, steps.y).median() < 5.0 * steps[steps > 0.0].min(axis=None):
-        return rows
-    return table.without(rows, rows.index.isin(measured.index[~moved]), STALE)
+    moved = np.append(True, (np.diff(positions, axis=0) != 0.0).any(axis=1))
+    fresh = np.flatnonzero(moved)
+    steps = np.abs(np.diff(positions[fresh], axis=0))
+    if len(fresh) < FEWEST or np.median(np.diff(fresh)) < 2.0:
+        return np.empty(0, int)
+    rounded = np.median(np.hypot(*steps.T)) < 5.0 * steps[steps > 0.0].min()
+    return np.flatnonzero(~moved & (not rounded))
 
 
-def rows_alternate(rows: pd.DataFrame) -> bool:
+def rows_alternate(positions: FloatArray) -> bool:
     """Whether many rows are far from the row before, but near to one of the three before that, as
     those of several objects in one file.
     """
-    before = pd.DataFrame({lag: _step_lengths(rows, lag) for lag in (1, 2, 3, 4)}).dropna()
-    nearest = before.min(axis=1)
-    far = (before[1] > 10.0 * nearest).mean()
-    return bool(len(before) >= 4 and nearest.median() > 0.0 and far >= 0.25)
+    window = 4
+    if len(positions) < 2 * window:
+        return False
+    before = np.array(
+        [
+            np.hypot(*(positions[window:] - positions[window - lag : -lag]).T)
+            for lag in range(1, window + 1)
+        ]
+    )
+    nearest = before.min(axis=0)
+    return bool(np.median(nearest) > 0.0 and (before[0] > 10.0 * nearest).mean() >= 0.25)
 
 
 @np.errstate(over="ignore", invalid="ignore")
@@ -195,39 +183,37 @@ def jumps_between_places(rows: pd.DataFrame) -> tuple[float, int]:
     do, and how often it does; (0, 0) if it does not. Both places have more than a tenth of the
     sorted rows, and the way between them is ten times faster than others.
     """
-    if len(rows) < FEWEST or rows.time.nunique() < 2:
+    positions, times = rows[["x", "y"]].to_numpy(), rows.time.to_numpy()
+    if len(times) < FEWEST or times[0] == times[-1]:
         return 0.0, 0
-    places = rows[["x", "y"]]
-    along = places[(places.max() - places.min()).idxmax()].to_numpy()
+    along = positions[:, np.ptp(positions, axis=0).argmax()]
     ordered = np.sort(along)
     beyond = along > ordered[np.diff(ordered).argmax()]
     # Several rows may have one time.
-    step = (rows.time.max() - rows.time.min()) / len(rows)
-    usual = _speeds(rows.groupby(beyond), step).quantile(0.99)
-    between = np.diff(beyond, prepend=beyond[:1])
-    jumps = int((_speeds(rows, step)[between] > 10.0 * usual).sum())
+    step = np.ptp(times) / len(times)
+    of_places = [_speeds(times[at], positions[at], step) for at in (beyond, ~beyond)]
+    usual = np.quantile(np.concatenate(of_places), 0.99)
+    jumps = int((_speeds(times, positions, step)[np.diff(beyond)] > 10.0 * usual).sum())
     if usual == 0.0 or jumps < 4 or not 0.1 < beyond.mean() < 0.9:
         return 0.0, 0
-    distance = places[beyond].median() - places[~beyond].median()
-    return float(np.hypot(distance.x, distance.y)), jumps
+    distance = np.median(positions[beyond], axis=0) - np.median(positions[~beyond], axis=0)
+    return float(np.hypot(*distance)), jumps
 
 
-def _speeds(rows: Any, step: float) -> "pd.Series[float]":
-    """Return the speed to each row, or row of a group, from the one before, at least a step
-    apart.
-    """
-    return _step_lengths(rows) / rows["time"].diff().clip(step)
+def _speeds(times: FloatArray, positions: FloatArray, step: float) -> FloatArray:
+    """Return the speeds (n - 1,) between successive positions (n, 2), at least a step apart."""
+    lengths: FloatArray = np.hypot(*np.diff(positions, axis=0).T)
+    return lengths / np.maximum(np.diff(times), step)
 
 
-def look_like_degrees(rows: pd.DataFrame) -> bool:
+@np.errstate(over="ignore")
+def look_like_degrees(times: FloatArray, positions: FloatArray) -> bool:
     """Whether x and y may be degrees: in their range, slow, and far from 0 for their extent."""
-    places = rows[["x", "y"]]
-    extent = (places.max() - places.min()).max()
-    speed = (places.diff().abs().max(axis=1) / rows.time.diff()).median()
+    largest, extent = np.abs(positions).max(axis=0), np.ptp(positions, axis=0).max()
+    speed = np.median(np.abs(np.diff(positions, axis=0)).max(axis=1) / np.diff(times))
     # Objects move by less than 0.01 degrees in a second, and most of them by more metres. Degrees
     # are twice their extent from 0, and at least one degree.
-    far = places.median().abs().max() > max(2.0 * extent, 1.0)
-    largest = places.abs().max()
+    far = np.abs(np.median(positions, axis=0)).max() > max(2.0 * extent, 1.0)
     return bool(
         far and extent > 0.0 and speed < 0.01 and largest.max() <= 180.0 and largest.min() <= 90.0
     )

@@ -7,8 +7,6 @@ import os
 import re
 import zlib
 from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -20,19 +18,19 @@ import pyarrow.parquet
 
 from baselines.recordings.reading.igc import is_igc, parse_igc
 from baselines.recordings.reading.names import role_of
-from baselines.recordings.reading.nested import POINTS, SENTENCES, rows_of_json, rows_of_xml
+from baselines.recordings.reading.nested import (
+    POINTS,
+    rows_of_ais,
+    rows_of_json,
+    rows_of_nmea,
+    rows_of_xml,
+)
 from baselines.recordings.reading.table import Table
 from hybrid_env.checks import ArgumentError, reject
 
 KINDS = "a CSV, TSV, Parquet, GPX, TCX, KML, GeoJSON, NMEA, AIS or IGC file"
-# Texts that are no tables, and what makes tables of them.
-UNREADABLE = {
-    "$GP": "NMEA without sentences RMC or GGA, which have times of positions",
-    "Type,Local Number,Message,": (
-        "rows of fields of FitCSVTool: write a table by its options -b and --data record, and"
-        " read the file that ends in _data.csv"
-    ),
-}
+
+
 LIMITS = {
     # Of the file, and of what is decompressed.
     "megabytes": 250,
@@ -53,12 +51,12 @@ read.
 """
 
 
-def check_sizes(**sizes: float) -> None:
+def check_sizes(file: str, **sizes: float) -> None:
     """Refuse a size of a file, named as in `LIMITS`, that is too large."""
     for name, size in sizes.items():
         if size > LIMITS[name]:
             allowed = f"at most {LIMITS[name]:,} are allowed: split the recording"
-            raise ArgumentError(f"{size:,} {name}, {allowed}")
+            raise ArgumentError(f"{file}: {size:,} {name}, {allowed}")
 
 
 def read_table(path: str | os.PathLike[str]) -> Table:
@@ -67,21 +65,21 @@ def read_table(path: str | os.PathLike[str]) -> Table:
     Raises:
         ArgumentError: it is none of the kinds of files, damaged or too large.
     """
-    content = _content(Path(path))
+    file, content = _content(Path(path))
     start = content[:1000].lstrip(b"\xef\xbb\xbf\xff\xfe\0 \r\n")
     if start.startswith(b"PAR1"):
-        return _read_parquet(content)
+        return _read_parquet(content, file)
     if start.startswith((b"<", b"{", b"[")):
-        return _read_nested(content)
+        return _read_nested(content, file)
     if not is_igc(content):
-        return _read_text(content)
-    check_sizes(rows=content.count(b"\nB"))
-    log = parse_igc("the log", content)
+        return _read_text(content, file)
+    check_sizes(file, rows=content.count(b"\nB"))
+    log = parse_igc(file, content)
     # A for a position in three dimensions, V for none or one in two.
     valid = [record[24:25].decode() for record in log.records]
     places = {"lat": log.latitudes, "lon": log.longitudes, "altitude_m": log.altitudes}
     frame = pd.DataFrame({"time": log.times, **places, "valid": valid})
-    return Table(_numbered(frame), notes=[*log.notes])
+    return Table(file, _numbered(frame), notes=[*log.notes])
 
 
 def _numbered(frame: pd.DataFrame) -> pd.DataFrame:
@@ -89,39 +87,29 @@ def _numbered(frame: pd.DataFrame) -> pd.DataFrame:
     return frame.set_axis(range(1, len(frame) + 1))
 
 
-@contextmanager
-def named_in_errors(path: str | os.PathLike[str]) -> Iterator[str]:
-    """Yield the name of an existing file for messages, and put it before those of errors."""
+def _content(path: Path) -> tuple[str, bytes]:
+    """Return the name of a file for messages, and its bytes, decompressed."""
     file = str(path) if len(str(path)) <= 80 else f"...{str(path)[-80:]}"
     # A named pipe would wait for its writer.
     if not os.path.isfile(path):
         raise reject("file", file, f"an existing file: {KINDS}")
-    try:
-        yield file
-    except ArgumentError as error:
-        raise ArgumentError(f"{file}: {error}") from None
-
-
-def _content(path: Path) -> bytes:
-    """Return the bytes of a file, decompressed."""
-    check_sizes(megabytes=path.stat().st_size / 1e6)
+    check_sizes(file, megabytes=path.stat().st_size / 1e6)
     try:
         content = path.read_bytes()
         if content[:2] != b"\x1f\x8b":
-            return content
+            return file, content
         largest = min(LIMITS["megabytes"] * 10**6, max(LIMITS["ratio"] * len(content), 10**7))
         with gzip.open(io.BytesIO(content)) as stream:
             content = stream.read(largest + 1)
     except (OSError, EOFError, zlib.error) as error:
-        raise ArgumentError(f"damaged, cut off or not to be read ({error})") from None
+        raise ArgumentError(f"{file}: damaged, cut off or not to be read ({error})") from None
     if len(content) > largest:
-        raise ArgumentError(
-            f"at most {largest / 1e6:.0f} MB when decompressed are allowed: decompress or split it"
-        )
-    return content
+        allowed = f"at most {largest / 1e6:.0f} MB when decompressed: decompress or split it"
+        raise reject("file", file, allowed)
+    return file, content
 
 
-def _read_parquet(content: bytes) -> Table:
+def _read_parquet(content: bytes, file: str) -> Table:
     """Read the columns of numbers, texts and times."""
     try:
         schema = pyarrow.parquet.read_schema(pa.BufferReader(content))
@@ -129,7 +117,7 @@ def _read_parquet(content: bytes) -> Table:
         # Texts that repeat are stored once, and may be far larger than the file.
         stored = pyarrow.parquet.ParquetFile(pa.BufferReader(content), read_dictionary=kept)
         rows = stored.metadata.num_rows
-        check_sizes(rows=rows, columns=len(kept), cells=rows * len(kept))
+        check_sizes(file, rows=rows, columns=len(kept), cells=rows * len(kept))
         table = stored.read(columns=kept, use_threads=False)
         long = [k for k, column in enumerate(table.columns) if _is_long(column)]
         notes = [f"column of long texts, which is not read: {table.column_names[k]}" for k in long]
@@ -139,10 +127,10 @@ def _read_parquet(content: bytes) -> Table:
     except ArgumentError:
         raise
     except (pa.ArrowException, OSError, ValueError, TypeError, OverflowError) as error:
-        raise ArgumentError(f"the Parquet file is damaged ({error})") from None
+        raise ArgumentError(f"{file}: the Parquet file is damaged ({error})") from None
     if not rows:
-        raise ArgumentError("expected a file with rows, not an empty table")
-    return Table(_numbered(frame), notes=notes)
+        raise reject("file", file, "a file with rows, not an empty table")
+    return Table(file, _numbered(frame), notes=notes)
 
 
 def _is_long(column: pa.ChunkedArray) -> bool:
@@ -156,72 +144,86 @@ def _is_long(column: pa.ChunkedArray) -> bool:
     return longest > LIMITS["cell"] or longest * len(column) > LIMITS["megabytes"] * 10**6
 
 
-def _read_nested(content: bytes) -> Table:
+def _read_nested(content: bytes, file: str) -> Table:
     """Read the positions of XML or JSON."""
     notes: list[str] = []
     marks = sum(map(content.count, (b"<", b"{", b"[", b",")))
-    check_sizes(rows=sum(content.count(f"<{tag}".encode()) for tag in POINTS), tags=marks)
-    text = _decoded(content, notes).strip()
-    frame = (rows_of_xml if text.startswith("<") else rows_of_json)(text)
-    check_sizes(columns=frame.shape[1], cells=frame.size)
+    check_sizes(file, rows=sum(content.count(f"<{tag}".encode()) for tag in POINTS), tags=marks)
+    text = _decoded(content, file, notes).strip()
+    frame = (rows_of_xml if text.startswith("<") else rows_of_json)(text, file)
+    check_sizes(file, columns=frame.shape[1], cells=frame.size)
     segments = frame.pop("segment").to_numpy() if "segment" in frame else 0
-    return Table(_numbered(frame), segments=segments, notes=notes)
+    return Table(file, _numbered(frame), segments=segments, notes=notes)
 
 
-def _read_text(content: bytes) -> Table:
+def _read_text(content: bytes, file: str) -> Table:
     """Read the rows below the header, all cells as text."""
-    check_sizes(rows=max(content.count(b"\n"), content.count(b"\r")) - 1_000)
+    check_sizes(file, rows=max(content.count(b"\n"), content.count(b"\r")) - 1_000)
     notes: list[str] = []
-    texts = _decoded(content, notes).split("\n")
-    check_sizes(line=max(map(len, texts)))
+    texts = _decoded(content, file, notes).split("\n")
+    check_sizes(file, line=max(map(len, texts)))
     # Texts of Python: a copy would need as much memory again.
     rows = pd.Series(texts, range(1, len(texts) + 1), object)
-    blank = rows.str.strip() == ""
+    blank = rows.str.isspace() | (rows == "")
     filled = rows[~blank]
     if filled.empty:
-        raise ArgumentError("expected rows of numbers, not an empty file")
+        raise reject("file", file, "rows of numbers, not an empty file")
     head = filled.iloc[:200]
-    for mark, rows_of in SENTENCES.items():
-        if head.str.contains(mark).any():
-            cells, wrong = rows_of(filled)
-            table = Table(cells, notes=notes)
-            table.leave_out("sentences with a wrong checksum", wrong)
-            return table
-    for mark, advice in UNREADABLE.items():
-        if head.str.contains(mark, regex=False).any():
-            raise ArgumentError(f"{advice}")
-    delimiter, first = _form(head.tolist())
-    title = filled.iloc[first - 1] if first else ""
-    header = filled.index[first - 1 : first]
+    if head.str.contains(r"\$..(?:RMC|GGA),").any():
+        cells, wrong = rows_of_nmea(filled)
+        table = Table(file, cells, notes=notes)
+        table.leave_out("sentences with a wrong checksum", wrong)
+        return table
+    if head.str.contains(r"!..VD[MO],").any():
+        cells, wrong = rows_of_ais(filled, file)
+        table = Table(file, cells, notes=notes)
+        table.leave_out("sentences with a wrong checksum", wrong)
+        return table
+    # Texts that are no tables, and what makes tables of them.
+    unreadable = {
+        "$GP": "NMEA without sentences RMC or GGA, which have times of positions",
+        "Type,Local Number,Message,": (
+            "rows of fields of FitCSVTool: write a table by its options -b and --data record, and"
+            " read the file that ends in _data.csv"
+        ),
+    }
+    for word, advice in unreadable.items():
+        if head.str.contains(word, regex=False).any():
+            raise ArgumentError(f"{file}: {advice}")
+    delimiter, header = _form(filled.iloc[:200].tolist())
+    first = 0 if header is None else header + 1
     # Units, or more names.
     while 0 < first < len(filled) - 1 and not re.search(r"\d", filled.iloc[first]):
         first += 1
+    title = "" if header is None else filled.iloc[header]
     sample = [_cells(text, delimiter) for text in filled.iloc[first : first + 200]]
     if not sample:
-        raise reject(f"line {filled.index[-1]}", title[:60], "rows of numbers after it")
+        raise reject(f"{file}, line {filled.index[-1]}", title[:60], "rows of numbers after it")
     width = Counter(map(len, sample)).most_common(1)[0][0]
-    check_sizes(columns=width, cells=width * len(rows))
-    names = _cells(title.lstrip("#% "), delimiter)
-    if len(names) == width - 1:
+    check_sizes(file, columns=width, cells=width * len(rows))
+    head = _cells(title.lstrip("#% "), delimiter)
+    if len(head) == width - 1:
         # The name of the row, as pandas writes it, or an empty cell at the end.
-        names = ["", *names] if any(cells[-1] for cells in sample) else [*names, ""]
-    if len(names) < width:
+        head = ["", *head] if any(cells[-1] for cells in sample) else [*head, ""]
+    if len(head) < width:
         # The delimiter of the header may be another one, as of numpy.savetxt.
-        names = re.split(r"[\s;|,]+", title.strip("#% "))
+        head = re.split(r"[\s;|,]+", title.strip("#% "))
     body = filled.iloc[first:]
     body = body[(body != title) & ~body.str.match(r"\s*(?:[#%]|//)")]
-    frame, wrong = _parsed(body, delimiter, width)
+    frame, wrong = _parsed(body, delimiter, width, file)
     empty = frame.isna().all(axis=1)
-    frame.columns = names[:width] if len(names) >= width else [""] * width
-    table = Table(frame[~empty], len(header) > 0, notes=notes)
-    comments = filled.index.difference(body.index).difference(header)
-    table.leave_out("headers and comments", comments)
-    table.leave_out("blank lines", rows.index[blank].union(frame.index[empty]))
+    frame.columns = head[:width] if len(head) >= width else [""] * width
+    table = Table(file, frame[~empty], header is not None, notes=notes)
+    others = filled.index if header is None else filled.index.delete(header)
+    table.leave_out("headers and comments", others.difference(body.index))
+    inner = rows.index[blank]
+    inner = inner[(inner > filled.index[first]) & (inner < filled.index[-1])]
+    table.leave_out("blank lines", inner.union(frame.index[empty]))
     table.leave_out("rows with another number of cells", wrong)
     return table
 
 
-def _decoded(content: bytes, notes: list[str]) -> str:
+def _decoded(content: bytes, file: str, notes: list[str]) -> str:
     """Return the text of UTF-8, UTF-16 or Windows-1252, with line ends of Unix."""
     marked = content[:2] in (b"\xff\xfe", b"\xfe\xff")
     try:
@@ -230,38 +232,37 @@ def _decoded(content: bytes, notes: list[str]) -> str:
         text = content.decode("cp1252", "replace")
         notes.append("read as Windows-1252, as it is not UTF-8")
     # A logger without power leaves the rest of its file empty.
-    text = text.rstrip("\0\x1a\r\n")
+    text = text.rstrip("\0\x1a")
     if "\0" in text or (notes and marked):
-        raise ArgumentError(
-            f"expected {KINDS} in UTF-8, UTF-16 or Windows-1252: export a workbook as CSV"
-        )
+        allowed = f"{KINDS} in UTF-8, UTF-16 or Windows-1252: export a workbook as CSV"
+        raise reject("file", file, allowed)
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
-def _form(lines: list[str]) -> tuple[str, int]:
+def _form(lines: list[str]) -> tuple[str, int | None]:
     """Return the delimiter, by which a line above the rows has names of columns that are known, and
-    most lines have as many cells; and the index of the line after the header: this line, otherwise
-    a first line that does not begin with a number, 0 if there is none.
+    most lines have as many cells; and the index of the header: this line, otherwise a first line
+    that does not begin with a number, None if there is none.
     """
     forms = []
     for delimiter in ("\t", ";", "|", ",", " "):
         rows = [_cells(line.lstrip("#% "), delimiter) for line in lines]
         [(width, times)] = Counter(map(len, rows)).most_common(1)
-        after = 0
-        for number, cells in enumerate(rows if width > 1 else (), start=1):
+        named = None
+        for number, cells in enumerate(rows if width > 1 else ()):
             words = [cell for cell in cells if cell and not re.match(r"[\d.+-]", cell)]
             if sum(role_of(word) is not None for word in words) > 1:
-                after = number
+                named = number
                 break
             filled = sum(map(bool, cells)) > width / 2
-            if len(cells) == width and filled and not words and lines[number - 1][0] not in "#%":
+            if len(cells) == width and filled and not words and lines[number][0] not in "#%":
                 break
         share = times / len(rows) * (width > 1)
-        forms.append((after > 0, share, delimiter, after))
-    _, share, delimiter, after = max(forms, key=lambda form: form[:2])
-    if share and not re.match(r"\s*[+-]?[.,]?\d", lines[0]):
-        after = max(after, 1)
-    return delimiter if share else ",", after
+        forms.append((named is not None, share, delimiter, named))
+    _, share, delimiter, named = max(forms, key=lambda form: form[:2])
+    if named is None and share and not re.match(r"\s*[+-]?[.,]?\d", lines[0]):
+        named = 0
+    return delimiter if share else ",", named
 
 
 def _cells(line: str, delimiter: str) -> list[str]:
@@ -274,7 +275,9 @@ def _cells(line: str, delimiter: str) -> list[str]:
         return [line]
 
 
-def _parsed(rows: "pd.Series[str]", delimiter: str, width: int) -> tuple[pd.DataFrame, pd.Index]:
+def _parsed(
+    rows: "pd.Series[str]", delimiter: str, width: int, file: str
+) -> tuple[pd.DataFrame, pd.Index]:
     """Return the cells of rows as texts, and the lines of rows with another number of cells, which
     are left out.
     """
@@ -296,7 +299,7 @@ def _parsed(rows: "pd.Series[str]", delimiter: str, width: int) -> tuple[pd.Data
             ),
         )
     except pa.ArrowException as error:
-        raise ArgumentError(f"not CSV: {error}") from None
+        raise ArgumentError(f"{file}: not CSV: {error}") from None
     if table.num_rows + len(wrong) != len(lines):
-        raise ArgumentError("not CSV: a quoted cell goes over several lines")
+        raise ArgumentError(f"{file}: not CSV: a quoted cell goes over several lines")
     return table.to_pandas().set_axis(rows.index.delete(wrong)), rows.index[wrong]

@@ -8,97 +8,91 @@ import pyproj
 
 from baselines.recordings.reading.names import plain_name, split_unit
 from baselines.recordings.reading.table import Table
-from baselines.recordings.reading.values import texts_of
-from hybrid_env.checks import ArgumentError, reject
-
-FRAMES = "enu", "ned", "image", "ecef"
+from hybrid_env.checks import ArgumentError, FloatArray, reject
 
 
-def _frame_of(table: Table, rows: pd.DataFrame, given: str | None, unit: str | None) -> str | None:
+def frame_of(
+    table: Table, roles: dict[str, int], values: FloatArray, given: str | None, pixels: bool
+) -> str | None:
     """Return the frame of positions on a plane, where x and y point, by the names and sizes of the
     columns: "enu", x east and y north; "ned", x north and y east; "image", y down; "ecef", from the
     earth's centre. None if nothing says it.
 
     Args:
         table: cells of the file.
-        rows: their `x`, `y` and `altitude`.
+        roles: columns of x and y, and of z where there is one.
+        values: (n, 2) or with z (n, 3) positions [m].
         given: by the caller, who is right where names do not contradict.
-        unit: of the positions.
+        pixels: whether positions are in pixels.
     """
-    if given is not None and given not in FRAMES:
-        raise reject("frame", given, f"one of {', '.join(FRAMES)}")
-    if given == "ecef" and "z" not in table.roles:
-        raise reject("frame", given, f"x, y and z: the file has no z ({table.listed()})")
-    title = table.names[table.roles["x"]]
-    name = split_unit(title)[0]
+    frames = "enu", "ned", "image", "ecef"
+    if given is not None and given not in frames:
+        raise reject("frame", given, f"one of {', '.join(frames)}")
+    if given == "ecef" and "z" not in roles:
+        raise reject("frame", given, f"x, y and z: {table.file} has no z ({table.listed()})")
+    name = split_unit(table.names[roles["x"]])[0]
     # Of columns that are named by where they point.
     compass = r"(?:.*_)?(?:e|n|\w*(?:east|north|nord)\w*|ost|utm_[xy]|rechtswert|hochwert)"
     if re.fullmatch(compass, name):
         if given not in (None, "enu"):
-            raise reject("frame", given, f"enu, as the file has a column {name}")
+            raise reject("frame", given, f"enu, as {table.file} has a column {name}")
         return "enu"
     if given is not None:
         return given
-    words = {*plain_name(title).split("_")}
+    words = {*plain_name(table.names[roles["x"]]).split("_")}
     known = {*map(plain_name, table.names)}
+    # With z, where all three are numbers.
+    places = values[np.isfinite(values).all(axis=1)] if "z" in roles else values[:0]
+    height, distance = 0.0, 0.0
+    if len(places):
+        height, distance = np.median(places[:, 2]), np.median(np.linalg.norm(places, axis=1))
     flown = {"vx", "vy", "z"} <= {name.rpartition("_")[2] for name in known}
     # Only a log of PX4 has these beside vx, vy and z.
     autopilot = {"xy_valid", "xy_global", "ref_lat", "delta_heading", "dist_bottom", "z_deriv"}
-    if "ned" in words or (flown and (rows.altitude.median() < 0.0 or autopilot & known)):
+    if "ned" in words or (flown and (height < 0.0 or autopilot & known)):
         return "ned"
-    if words & {"pixel", "px", "image", "img"} or str(unit).startswith(("px", "pixel")):
+    if pixels or words & {"pixel", "px", "image", "img"}:
         return "image"
     # Distances of the surface and of aircraft from the centre of the earth [m].
-    metres = np.hypot(np.hypot(rows.x, rows.y), rows.altitude) * (1e3 if unit == "km" else 1.0)
-    if 6.3e6 < metres.median() < 6.45e6:
+    if 6.3e6 < distance < 6.45e6:
         return "ecef"
     return "enu" if "enu" in words else None
 
 
-def to_east_and_north(
-    table: Table, rows: pd.DataFrame, unit: str | None, frame: str | None
-) -> bool:
-    """Turn `x`, `y` and `altitude` of rows to those with x east and y north, and return whether
-    they are longitude and latitude now.
+def turned(values: FloatArray, frame: str | None) -> tuple[FloatArray, str]:
+    """Return positions (n, 2) with x east and y north, or with altitudes (n, 3), those of the frame
+    `ecef` as longitude and latitude [deg], and what is said of it.
     """
-    found = _frame_of(table, rows, frame, unit)
-    scale = 1e3 if unit == "km" else 1.0
-    if "zone" in table.roles and _of_zones(table, rows, scale):
-        table.notes.append("UTM positions of several zones")
-        return True
-    if found == "ecef":
+    if frame == "ecef":
         place = pyproj.Transformer.from_crs("EPSG:4978", "EPSG:4979", always_xy=True)
-        axes = ["x", "y", "altitude"]
-        degrees = place.transform(*(scale * rows[axes].to_numpy().T))
-        rows[axes] = np.where(np.isfinite(degrees), degrees, np.nan).T
-        # Metres now.
-        table.names[table.roles["z"]] = "z_m"
-        table.notes.append("x, y and z are earth-centred (ECEF)")
-    elif found == "ned":
-        rows["x"], rows["y"], rows["altitude"] = rows.y, rows.x, -rows.altitude
-        table.notes.append("x is north and y is east (NED), written as x east and y north")
-    elif found == "image":
-        rows["y"] *= -1.0
-        table.notes.append("y points down (pixels), written with the other sign")
-    elif found is None:
-        table.notes.append("x east, y north is assumed: left is counter-clockwise")
-    return found == "ecef"
+        degrees = np.column_stack(place.transform(*values.T))
+        degrees[~np.isfinite(degrees)] = np.nan
+        return degrees, "x, y and z are earth-centred (ECEF)"
+    if frame == "ned":
+        axes = [1, 0, 2][: values.shape[1]]
+        down = [1.0, 1.0, -1.0][: values.shape[1]]
+        return values[
+            :, axes
+        ] * down, "x is north and y is east (NED), written as x east and y north"
+    if frame == "image":
+        down = [1.0, -1.0, 1.0][: values.shape[1]]
+        return values * down, "y points down (pixels), written with the other sign"
+    return values, "" if frame else "x east, y north is assumed: left is counter-clockwise"
 
 
-def _of_zones(table: Table, rows: pd.DataFrame, scale: float) -> bool:
-    """Turn UTM positions in several zones, such as 32N, to longitudes and latitudes; return False
-    for a single one.
+def of_zones(table: Table, zones: pd.Series, values: FloatArray) -> FloatArray | None:
+    """Return longitudes and latitudes (n, 2) [deg] of UTM positions in several zones, such as 32N;
+    None in a single one.
     """
-    parts = texts_of(table.cells("zone")).str.extract(r"^(\d{1,2})\s*([A-Za-z]?)")
+    parts = zones.str.extract(r"^(\d{1,2})\s*([A-Za-z]?)")
     if parts[0].nunique() < 2:
-        return False
-    degrees = np.full((len(rows), 2), np.nan)
-    for (zone, band), of_zone in parts.groupby([0, 1]).indices.items():
+        return None
+    degrees = np.full(values.shape, np.nan)
+    for (zone, band), rows in parts.groupby([0, 1]).indices.items():
         if not 1 <= int(zone) <= 60:
-            raise ArgumentError(f"zone {zone} is not allowed: expected 1 to 60")
+            raise ArgumentError(f"{table.file}: zone {zone} is not allowed: expected 1 to 60")
         # Bands from N are in the north; S is one of these, and the word south.
         plane = pyproj.Proj(proj="utm", zone=int(zone), south="A" <= band.upper() < "N")
-        east, north = scale * rows[["x", "y"]].to_numpy()[of_zone].T
-        degrees[of_zone] = np.column_stack(plane(east, north, inverse=True))
-    rows[["x", "y"]] = degrees
-    return True
+        east, north = values[rows].T
+        degrees[rows] = np.column_stack(plane(east, north, inverse=True))
+    return degrees

@@ -7,23 +7,18 @@ not read.
 """
 
 import re
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-import pandas as pd
 
 from baselines.recordings.reading.cleaning import SET_BACK, ahead_rows, going_on
 from baselines.recordings.reading.values import DAY, unwrapped
-from hybrid_env.checks import ArgumentError, FloatArray
+from hybrid_env.checks import AnyArray, ArgumentError, FloatArray
 
 RECORD = re.compile(
-    r"^(B(\d\d)(\d\d)(\d\d)(\d\d)(\d{5})([NS])(\d{3})(\d{5})([EW])[AV]([-\d]\d{4})([-\d]\d{4}))([^\r\n]*)",
+    rb"^(B(\d\d)(\d\d)(\d\d)(\d\d)(\d{5})([NS])(\d{3})(\d{5})([EW])[AV]([-\d]\d{4})([-\d]\d{4}))([^\r\n]*)",
     re.MULTILINE,
-)
-# Of a record; minutes are thousandths, whose further digits may be in `more`.
-FIELDS = (
-    *("record", "hours", "minutes", "seconds", "lat_degrees", "lat_minutes", "lat_side"),
-    *("lon_degrees", "lon_minutes", "lon_side", "pressure", "satellites", "more"),
 )
 
 
@@ -51,9 +46,10 @@ class IgcLog(NamedTuple):
 
 def is_igc(content: bytes) -> bool:
     """Return whether the content of a file is a log: a capital first, and B records."""
-    first = content[:100].lstrip(b"\xef\xbb\xbf \r\n")[:1]
-    record = re.search(rb"^B\d{13}[NS]\d{8}[EW]", content, re.MULTILINE)
-    return first.isupper() and record is not None
+    return (
+        content[:100].lstrip(b"\xef\xbb\xbf \r\n")[:1].isupper()
+        and RECORD.search(content) is not None
+    )
 
 
 def parse_igc(name: str, content: bytes) -> IgcLog:
@@ -67,50 +63,57 @@ def parse_igc(name: str, content: bytes) -> IgcLog:
     Raises:
         ArgumentError: it has fewer than two positions.
     """
-    text = content.decode("latin-1")
-    fixes = pd.DataFrame(RECORD.findall(text), columns=FIELDS)
-    if fixes.empty:
+    matches = RECORD.findall(content)
+    if not matches:
         raise ArgumentError(f"{name} has no positions (B records): expected at least two")
-    head = text[: text.index(fixes.record[0])]
-    extension = _extension(head, "LAD")
-    fixes["lat"] = _degrees(fixes, "lat", extension)
-    fixes["lon"] = _degrees(fixes, "lon", _extension(head, "LOD"))
-    altitude = "satellites" if fixes.pressure.nunique() == 1 else "pressure"
-    nowhere = (fixes.lat == 0.0) & (fixes.lon == 0.0)
-    places = fixes[(fixes.lat.abs() <= 90.0) & (fixes.lon.abs() <= 180.0) & ~nowhere]
-    clock = places[["hours", "minutes", "seconds"]].to_numpy(float) @ [3600.0, 60.0, 1.0]
-    kept = places.assign(time=unwrapped(clock))
-    kept = kept[~ahead_rows(kept.time.to_numpy())]
-    kept = kept.assign(time=going_on(kept.time.to_numpy())[0])
-    kept = kept[kept.time > kept.time.cummax().shift(fill_value=-np.inf)]
+    columns = [np.array(column) for column in zip(*matches, strict=True)]
+    hours, minutes, seconds = (column.astype(np.float64) for column in columns[1:4])
+    pressure, satellites = (column.astype(np.float64) for column in columns[10:12])
+    head = content[: content.index(matches[0][0])]
+    extension = _extension(head, b"LAD")
+    latitudes = _degrees(columns[4:7], b"S", extension, columns[12])
+    longitudes = _degrees(columns[7:10], b"W", _extension(head, b"LOD"), columns[12])
+    known = (np.abs(latitudes) <= 90.0) & (np.abs(longitudes) <= 180.0)
+    places = np.flatnonzero(known & ((latitudes != 0.0) | (longitudes != 0.0)))
+    times = unwrapped((3600.0 * hours + 60.0 * minutes + seconds)[places])
+    right = ~ahead_rows(times)
+    times, _ = going_on(times[right])
+    later = times > np.append(-np.inf, np.maximum.accumulate(times)[:-1])
+    times, kept = times[later], places[right][later]
     if len(kept) < 2:
         raise ArgumentError(f"{name} has {len(kept)} positions: expected at least two")
     counts = {
         "positions left out whose time does not fit": len(places) - len(kept),
-        SET_BACK: (kept.time.diff() > 0.5 * DAY).sum(),
+        SET_BACK: (np.diff(times) > 0.5 * DAY).sum(),
     }
     return IgcLog(
-        kept.time.to_numpy(),
-        kept.lat.to_numpy(),
-        kept.lon.to_numpy(),
-        kept[altitude].to_numpy(float),
+        times,
+        latitudes[kept],
+        longitudes[kept],
+        (pressure if np.ptp(pressure) > 0.0 else satellites)[kept],
         # Of a degree of latitude.
         111_200.0 / 60_000.0 / 10.0 ** (extension.stop - (extension.start or 0)),
-        tuple(kept.record.map(str.encode)),
+        tuple(matches[k][0] for k in kept),
         tuple(f"{what}: {count:,}" for what, count in counts.items() if count),
     )
 
 
-def _extension(head: str, word: str) -> slice:
+def _extension(head: bytes, word: bytes) -> slice:
     """Return where the B records have more digits, counted behind their first 35 columns."""
-    found = re.search(rf"^I\d\d(?:\d{{4}}...)*?(\d\d)(\d\d){word}", head, re.MULTILINE)
+    found = re.search(rb"^I\d\d(?:\d{4}...)*?(\d\d)(\d\d)" + word, head, re.MULTILINE)
     return slice(int(found[1]) - 36, int(found[2]) - 35) if found else slice(0)
 
 
-def _degrees(fixes: pd.DataFrame, axis: str, extension: slice) -> "pd.Series[float]":
-    """Return the degrees of an axis, with the digits of an extension where a record has them."""
-    digits = fixes.more.str[extension]
-    digits = digits.where(digits.str.isdigit(), "0")
-    minutes = (fixes[f"{axis}_minutes"] + "." + digits).astype(float)
-    degrees = fixes[f"{axis}_degrees"].astype(float) + minutes / 60_000.0
-    return degrees.where(fixes[f"{axis}_side"].isin(["N", "E"]), -degrees)
+def _degrees(
+    columns: Sequence[AnyArray], negative: bytes, extension: slice, tails: AnyArray
+) -> FloatArray:
+    """Return the degrees of whole ones, thousandths of minutes and signs (n,), with the digits of
+    an extension where a record has them.
+    """
+    more = [tail[extension] for tail in tails]
+    minutes = [
+        float(b"%s.%s" % (thousandths, digits if digits.isdigit() else b"0"))
+        for thousandths, digits in zip(columns[1], more, strict=True)
+    ]
+    degrees = columns[0].astype(np.float64) + np.array(minutes) / 60_000.0
+    return np.where(columns[2] == negative, -degrees, degrees)

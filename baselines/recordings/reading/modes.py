@@ -11,12 +11,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from baselines.recordings.reading.cleaning import REPEATED, remarks, sorted_rows
+from baselines.recordings.reading.cleaning import remarks, sorted_rows
 from baselines.recordings.reading.columns import find_columns
-from baselines.recordings.reading.files import named_in_errors, read_table
+from baselines.recordings.reading.files import read_table
 from baselines.recordings.reading.names import ROW_FILES, plain_name, role_of
-from baselines.recordings.reading.read import object_names, read_times
-from baselines.recordings.reading.values import cell_text
+from baselines.recordings.reading.read import cell_text, object_rows, read_times
+from baselines.recordings.reading.table import REPEATED
 from baselines.recordings.recording import dates_since
 from hybrid_env.checks import ArgumentError, FloatArray, reject
 
@@ -92,43 +92,40 @@ def read_modes(
             time_unit=time_unit,
             dated=dated,
         )
-    with named_in_errors(path) as file:
-        table = read_table(path)
-        table.file = file
-        names = [plain_name(name) for name in table.names]
-        clocks = [k for k, name in enumerate(table.names) if role_of(name) in ("time", "date")]
-        # The direction of a ship is no object.
-        tracks = [name for name in names if name in ("track", "episode")]
-        given = dict(columns or {})
-        if object_column is None and tracks:
-            object_column = str(names.index(tracks[0]) + 1)
-        find_columns(table, given, object_column, (("mode",),))
-        if not table.roles.keys() & {"time", "date"}:
-            raise ArgumentError(
-                f"no column of times ({table.listed()}): name it by --columns, as time=1"
-            )
-        times = read_times(table, time_unit)
-        for other in clocks if "time" not in given else ():
-            if (times.epoch is not None) != dated:
-                table.roles["time"] = other
-                with suppress(ArgumentError):
-                    times = read_times(table, time_unit)
-        # What is told concerns the modes, and from here on rows that are samples.
-        table.notes, table.left_out = [note for note in table.notes if "taken as mode" in note], {}
-        samples = pd.DataFrame({"time": times.seconds, "mode": table.cells("mode")})
-        result = ModeFile({}, {})
-        for name, rows in samples.groupby(object_names(table, Path(path)), sort=False):
-            ordered = sorted_rows(table, rows)
-            ordered = table.without(ordered, ordered.time.duplicated(), REPEATED)
-            seconds = ordered.time.to_numpy()
-            dates = None if times.epoch is None else dates_since(times.epoch, seconds)
-            result.times[name] = seconds if dates is None else dates
-            result.modes[name] = [
-                None if pd.isna(cell) else cell_text(cell) for cell in ordered["mode"]
-            ]
-        if said := remarks(table):
-            warnings.warn(f"{table.file}: {'; '.join(said)}", stacklevel=2)
-        return result
+    table = read_table(path)
+    names = [plain_name(name) for name in table.names]
+    clocks = [k for k, name in enumerate(table.names) if role_of(name) in ("time", "date")]
+    # The direction of a ship is no object.
+    tracks = [name for name in names if name in ("track", "episode")]
+    given = dict(columns or {})
+    if object_column is None and tracks:
+        object_column = str(names.index(tracks[0]) + 1)
+    roles = find_columns(table, given, object_column, (("mode",),))
+    if "time" not in roles and "date" not in roles:
+        raise ArgumentError(
+            f"{table.file}: no column of times ({table.listed()}): name it by --columns, as time=1"
+        )
+    times = read_times(table, roles, time_unit)
+    for other in clocks if "time" not in given else ():
+        if (times.epoch is not None) != dated:
+            with suppress(ArgumentError):
+                times = read_times(table, {**roles, "time": other}, time_unit)
+    samples = pd.DataFrame({"time": times.seconds, "mode": table.frame[roles["mode"]]})
+    result = ModeFile({}, {})
+    # What is told concerns the modes, and from here on rows that are samples.
+    table.notes, table.left_out = [note for note in table.notes if "taken as mode" in note], {}
+    for name, rows in object_rows(table, roles, Path(path)):
+        ordered = sorted_rows(table, samples.iloc[rows])
+        ordered = table.without(ordered, ordered.time.duplicated(), REPEATED)
+        seconds = ordered.time.to_numpy()
+        dates = None if times.epoch is None else dates_since(times.epoch, seconds)
+        result.times[name] = seconds if dates is None else dates
+        result.modes[name] = [
+            None if pd.isna(cell) else cell_text(cell) for cell in ordered["mode"]
+        ]
+    if said := remarks(table):
+        warnings.warn(f"{table.file}: {'; '.join(said)}", stacklevel=2)
+    return result
 
 
 def _read_folder(folder: Path, **options: Any) -> ModeFile:

@@ -4,8 +4,6 @@ import functools
 import json
 import operator
 import re
-from collections.abc import Iterable
-from contextlib import suppress
 from typing import Any
 from xml.etree import ElementTree
 
@@ -17,62 +15,61 @@ from hybrid_env.checks import ArgumentError
 
 # Elements of XML that are positions, of GPX, TCX and the floating car data of SUMO.
 POINTS = "trkpt", "Trackpoint", "vehicle", "person"
-# Roles of what stands inside of them.
-LEAVES = "time", "lat", "lon", "z", "speed", "course", "valid", "dilution"
 
 
-def rows_of_xml(text: str) -> pd.DataFrame:
+def rows_of_xml(text: str, file: str) -> pd.DataFrame:
     """Return the positions of GPX, TCX, KML with gx:Track, or SUMO, with their `segment`."""
     try:
         # It is text now, whatever its first line says of the bytes.
         root = ElementTree.fromstring(re.sub(r"^\s*<\?xml[^>]*>", "", text))
     except (ElementTree.ParseError, ValueError, RecursionError) as error:
-        raise ArgumentError(f"begins as XML but is damaged ({error})") from None
+        raise ArgumentError(f"{file}: begins as XML but is damaged ({error})") from None
     rows: list[dict[str, Any]] = []
     # What is known of all points that follow.
     outer: dict[str, Any] = {"segment": 0}
     tracks = 0
+    # Roles of what stands inside of them.
+    wanted = "time", "lat", "lon", "z", "speed", "course", "valid", "dilution"
     for element in root.iter():
-        kind = _plain(element)
+        kind = _plain(element.tag)
         if kind in ("trk", "Placemark"):
             tracks += 1
-            name = element.findtext("{*}name") or ""
-            outer["track_id"] = name.strip() or f"track {tracks}"
+            name = element.findtext("{*}name")
+            outer["track_id"] = (name or "").strip() or f"track {tracks}"
         elif kind == "timestep":
             outer["time"] = element.get("time")
         elif kind in ("trkseg", "Track"):
             outer["segment"] += 1
-            # In a gx:Track of KML times and places stand side by side.
-            times = [time.text for time in element.iterfind("{*}when")]
-            places = [(place.text or "").split() for place in element.iterfind("{*}coord")]
-            rows += [outer | row for row in _timed_places(times, places)]
+            rows += [outer | point for point in _placed(element)]
         elif kind in POINTS:
-            leaves = {_plain(leaf): leaf.text for leaf in element.iter() if not len(leaf)}
+            leaves = {_plain(leaf.tag): leaf.text for leaf in element.iter() if not len(leaf)}
             # Other leaves, such as a heart rate, are no columns.
-            known = {name: cell for name, cell in leaves.items() if role_of(name) in LEAVES}
+            known = {name: cell for name, cell in leaves.items() if role_of(name) in wanted}
             rows.append(outer | element.attrib | known)
+    convert = "convert it to GPX, for example by gpsbabel or by ogr2ogr -f GPX"
     if not rows:
-        raise ArgumentError(
-            "XML without points of a track of GPX, TCX, KML (gx:Track) or SUMO: convert it"
-            " to GPX, for example by gpsbabel or by ogr2ogr -f GPX"
-        )
+        kinds = "points of a track of GPX, TCX, KML (gx:Track) or SUMO"
+        raise ArgumentError(f"{file}: XML without {kinds}: {convert}")
     return pd.DataFrame(rows)
 
 
-def _plain(element: ElementTree.Element) -> str:
+def _plain(tag: str) -> str:
     """Return the name of an element without its namespace."""
-    return element.tag.rpartition("}")[2]
+    return tag.rpartition("}")[2]
 
 
-def _timed_places(times: Iterable[Any], places: Iterable[Any]) -> list[dict[str, Any]]:
-    """Return rows of times and of places, each a longitude, a latitude and perhaps an altitude."""
+def _placed(track: ElementTree.Element) -> list[dict[str, str | None]]:
+    """Return the points of a gx:Track of KML, whose times and places stand side by side."""
+    times = [time.text for time in track.iterfind("{*}when")]
+    places = [(place.text or "").split() for place in track.iterfind("{*}coord")]
     return [
         {"time": time} | dict(zip(("lon", "lat", "altitude"), place, strict=False))
         for time, place in zip(times, places, strict=False)
+        if len(place) > 1
     ]
 
 
-def rows_of_json(text: str) -> pd.DataFrame:
+def rows_of_json(text: str, file: str) -> pd.DataFrame:
     """Return the positions of GeoJSON, of a list of objects, or of lines of objects."""
     try:
         try:
@@ -91,10 +88,11 @@ def rows_of_json(text: str) -> pd.DataFrame:
     frame = frame.dropna(axis=1, how="all")
     if frame.empty:
         raise ArgumentError(
-            "neither GeoJSON with times nor rows of JSON: convert it to CSV, for example"
+            f"{file}: neither GeoJSON with times nor rows of JSON: convert it to CSV, for example"
             " by ogr2ogr -f CSV -lco GEOMETRY=AS_XY"
         )
-    return frame.rename(columns=str)
+    frame.columns = frame.columns.astype(str)
+    return frame
 
 
 def _rows(feature: dict[str, Any], name: str) -> list[dict[str, Any]]:
@@ -104,36 +102,38 @@ def _rows(feature: dict[str, Any], name: str) -> list[dict[str, Any]]:
         return [feature]
     properties, places = feature["properties"], geometry["coordinates"]
     if geometry["type"] == "Point":
-        [row] = _timed_places([properties.get("time")], [places])
-        return [row | properties]
+        return [properties | dict(zip(("lon", "lat", "altitude"), places, strict=False))]
     times = properties.get("coordTimes") or properties["coordinateProperties"]["times"]
-    outer = {"track_id": properties.get("name", name)}
-    return [outer | row for row in _timed_places(times, places)]
+    return [
+        {"time": time, "track_id": properties.get("name", name)}
+        | dict(zip(("lon", "lat", "altitude"), place, strict=False))
+        for place, time in zip(places, times, strict=True)
+    ]
 
 
 def rows_of_nmea(lines: "pd.Series[str]") -> tuple[pd.DataFrame, pd.Index]:
     """Return the positions of the RMC sentences of a log of NMEA, or of the GGA ones if it has no
     others, and the lines of sentences with a wrong checksum.
     """
-    names = {
-        "RMC": ["time", "status", "lat", "lat_dir", "lon", "lon_dir", "speed", "course", "date"],
-        "GGA": ["time", "lat", "lat_dir", "lon", "lon_dir", "fix_quality"],
-    }
-    kind = "RMC" if lines.str.contains(r"\$..RMC,").any() else "GGA"
-    form = rf"\$(?P<text>..{kind},(?P<cells>[^*]*))(?:\*(?P<sum>[0-9A-Fa-f]{{2}}))?"
-    found = lines.str.extract(form).dropna(subset="text")
-    sums = found.text.map(lambda text: f"{functools.reduce(operator.xor, text.encode()):02X}")
-    right = found["sum"].isna() | (sums == found["sum"].str.upper())
-    cells = found.cells[right].str.split(",", expand=True).reindex(columns=range(len(names[kind])))
-    cells = cells.set_axis(names[kind], axis=1).astype(object).fillna("").astype(str)
-    if kind == "RMC":
+    form = r"\$(..{},([^*]*))(?:\*([0-9A-Fa-f]{{2}}))?"
+    found = lines.str.extract(form.format("RMC")).dropna(subset=0)
+    names = ["time", "status", "lat", "lat_dir", "lon", "lon_dir", "speed", "course", "date"]
+    dated = len(found) > 0
+    if not dated:
+        found = lines.str.extract(form.format("GGA")).dropna(subset=0)
+        names = ["time", "lat", "lat_dir", "lon", "lon_dir", "fix_quality"]
+    sums = found[0].map(lambda text: functools.reduce(operator.xor, text.encode()))
+    right = found[2].isna() | (sums == found[2].fillna("0").map(lambda text: int(text, 16)))
+    cells = found[1][right].str.split(",", expand=True).reindex(columns=range(len(names)))
+    cells = cells.set_axis(names, axis=1).astype(object).fillna("").astype(str)
+    if dated:
         # Day, month, year.
         dates = cells.pop("date").str.replace(r"(..)(..)(..)", r"20\3-\2-\1T", regex=True)
         cells["time"] = dates + cells["time"].str.replace(r"^(..)(..)", r"\1:\2:", regex=True)
     return cells.where(cells != ""), found.index[~right]
 
 
-def rows_of_ais(lines: "pd.Series[str]") -> tuple[pd.DataFrame, pd.Index]:
+def rows_of_ais(lines: "pd.Series[str]", file: str) -> tuple[pd.DataFrame, pd.Index]:
     """Return the reports of positions in a log of AIS, and the lines of those that are damaged.
 
     A line has a sentence and the time of its reception, in a tag block, before or after it.
@@ -147,23 +147,23 @@ def rows_of_ais(lines: "pd.Series[str]") -> tuple[pd.DataFrame, pd.Index]:
     found = lines.str.extract(before + sentence + r"[\s,;]*(.*)$").dropna(subset=2)
     times = found[[0, 1, 3]].replace("", np.nan).bfill(axis=1)[0]
     if times.isna().mean() > 0.5:
-        raise ArgumentError("AIS sentences without times of reception: record these too")
-    reports: dict[int, dict[str, Any]] = {}
-    for line, text in found[2].items():
-        with suppress(pyais.exceptions.AISBaseException):
-            reports[line] = pyais.decode(text, error_if_checksum_invalid=True).asdict()
-    rows = pd.DataFrame.from_dict(reports, "index")
-    rows = rows.reindex(columns=["mmsi", "lat", "lon", "speed", "course"]).assign(time=times)
-    # Other messages have no place; larger numbers say that nothing is known.
-    limits = {"lat": 90.0, "speed": 102.1, "course": 359.9}
-    for name, limit in limits.items():
-        numbers = pd.to_numeric(rows[name], errors="coerce")
-        rows[name] = numbers.where(numbers.abs() <= limit)
-    rows = rows.dropna(subset=["lat", "lon"])
-    if rows.empty:
-        raise ArgumentError("AIS sentences without reports of positions")
-    return rows, found.index.difference([*reports])
-
-
-# Sentences of which a log may consist, and what reads them.
-SENTENCES = {r"\$..(?:RMC|GGA),": rows_of_nmea, r"!..VD[MO],": rows_of_ais}
+        raise ArgumentError(f"{file}: AIS sentences without times of reception: record these too")
+    rows, damaged = [], []
+    for line, time, text in zip(found.index, times, found[2], strict=True):
+        try:
+            report: dict[str, Any] = pyais.decode(text, error_if_checksum_invalid=True).asdict()
+        except pyais.exceptions.AISBaseException:
+            damaged.append(line)
+            continue
+        # Other messages have none; these numbers say that nothing is known.
+        names = "lat", "lon", "speed", "course"
+        lat, lon, speed, course = (report.get(name) for name in names)
+        if isinstance(lat, float) and isinstance(lon, float) and abs(lat) <= 90.0:
+            row = {"time": time, "mmsi": report["mmsi"], "lat": lat, "lon": lon}
+            row["sog"] = speed if speed is not None and speed < 102.2 else None
+            row["cog"] = course if course is not None and course < 360.0 else None
+            rows.append((line, row))
+    if not rows:
+        raise ArgumentError(f"{file}: AIS sentences without reports of positions")
+    numbers, cells = zip(*rows, strict=True)
+    return pd.DataFrame(cells, numbers).astype(object), pd.Index(damaged)

@@ -1,5 +1,6 @@
 """From cells to positions on a plane or in degrees."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -7,196 +8,239 @@ import pandas as pd
 
 from baselines.recordings.reading import cleaning
 from baselines.recordings.reading.columns import MOTIONS
-from baselines.recordings.reading.frames import to_east_and_north
+from baselines.recordings.reading.frames import frame_of, of_zones, turned
 from baselines.recordings.reading.names import DEGREES, VOID, role_of, split_unit
 from baselines.recordings.reading.table import Table
-from baselines.recordings.reading.values import parse_angles, parse_numbers, texts_of
+from baselines.recordings.reading.values import (
+    Times,
+    in_degrees,
+    parse_angles,
+    parse_numbers,
+    texts_of,
+)
 from baselines.recordings.reading.velocities import METRES
 from baselines.recordings.scatter import noise_deviations
-from hybrid_env.checks import ArgumentError, BoolArray, FloatArray, reject
+from hybrid_env.checks import ArgumentError, BoolArray, FloatArray, IntArray, reject
 from hybrid_env.sensors import Radar
 
 
 class Places(NamedTuple):
     """Positions of all rows of a file."""
 
-    # Columns `x` and `y`, or longitude and latitude [deg], and `altitude`, NaN where there is none;
-    # whether x and y are `wrong`: not empty and no numbers; and `rate0` ...: the range rate of a
-    # radar, or of other positions the columns of a velocity.
-    rows: pd.DataFrame
+    # (n, 2) x and y, or longitude and latitude [deg]; NaN where there is none.
+    values: FloatArray
+    # (n,) rows with cells that are not empty and no numbers.
+    wrong: BoolArray
+    # (n,) rows of which the sensor says that it had no position.
+    void: BoolArray
     # Of the positions on the plane; None if the file does not name it.
     unit: str | None
-    # Whether x and y are degrees.
+    # Whether `values` are degrees.
     degrees: bool = False
+    # (n,) above each other, in the unit of the positions; NaN where there is none.
+    altitudes: FloatArray | float = np.nan
     # That measured them.
     radar: Radar | None = None
-    # Whether a velocity is speed and course.
+    # (n, k) its range rate, or of other positions the columns of a velocity.
+    rates: FloatArray = np.empty((0, 0))
+    # Whether these are speed and course.
     polar: bool = False
 
 
-def check_readable(table: Table, role: str, wrong: BoolArray, allowed: str) -> None:
+def check_readable(table: Table, column: int, wrong: BoolArray, allowed: str) -> None:
     """Refuse a column of which most cells cannot be read."""
     if wrong.mean() > 0.5:
-        cell = table.cells(role).iloc[int(np.argmax(wrong))]
-        raise reject(f"{table.label(role)}", str(cell), allowed)
+        cell = table.frame[column].iloc[int(np.argmax(wrong))]
+        raise reject(f"{table.file}: {table.label(column)}", str(cell), allowed)
 
 
-def read_positions(table: Table, unit: str | None, frame: str | None) -> Places:
+def read_positions(
+    table: Table, roles: dict[str, int], unit: str | None, thousands: str | None, frame: str | None
+) -> Places:
     """Parse the columns of the positions; a unit or frame of None is that of the header."""
-    degrees = "lat" in table.roles
-    axes = ["lon", "lat"] if degrees else ["x", "y"]
+    degrees = "lat" in roles
+    names = ("lon", "lat") if degrees else ("x", "y")
+    axes = [roles[role] for role in (*names, "z") if role in roles]
+    of_x, of_y = (split_unit(table.names[column])[1] for column in axes[:2])
     for name, value, allowed in (("unit", unit, (None, "m", *DEGREES)), ("frame", frame, (None,))):
         if degrees and value not in allowed:
-            raise reject(name, value, "no value, as the file has latitudes and longitudes")
-    of_x, of_y = map(table.unit, axes)
+            raise reject(name, value, f"no value, as {table.file} has latitudes and longitudes")
     if unit is None and of_x != of_y:
-        raise ArgumentError(f"positions in {of_x} and {of_y}: expected one, or --unit")
+        raise ArgumentError(
+            f"{table.file}: positions in {of_x} and {of_y}: expected one, or --unit"
+        )
     unit = unit or of_x
     if not degrees and unit is not None and unit.lower() in DEGREES:
         degrees = True
         table.notes.append("x taken as longitude and y as latitude")
-    rows = pd.DataFrame({"wrong": False, "altitude": np.nan}, table.frame.index)
-    for name, role in zip(("x", "y"), axes, strict=True):
-        parse = parse_angles if degrees else parse_numbers
-        rows[name], unread = table.numbers(role, parse)
-        check_readable(table, role, unread, "numbers, or --thousands with the mark between them")
-        rows["wrong"] |= unread
-    if "z" in table.roles:
-        rows["altitude"] = table.numbers("z")[0]
+    values = np.empty((len(table.frame), len(axes)))
+    wrong = np.zeros(len(values), np.bool_)
+    for k, column in enumerate(axes):
+        parse = parse_angles if degrees and k < 2 else parse_numbers
+        values[:, k], unread, comma = parse(table.frame[column], thousands)
+        if k < 2:
+            form = "numbers, or --thousands with the mark between them"
+            check_readable(table, column, unread, form)
+            wrong |= unread
+        table.notes += ["decimal comma"] * comma
     if degrees:
-        _degrees(table, rows, axes, of_x)
+        values[:, :2] = _degrees(table, roles, values[:, :2], of_x)
     else:
-        degrees = to_east_and_north(table, rows, unit, frame)
+        values, degrees = _on_the_plane(table, roles, values, unit, frame)
     unit = "m" if degrees else unit
-    _scale_altitudes(table, rows, unit)
-    large = rows[["x", "y"]].abs() > ([360.0, 90.0] if degrees else 1e12)
-    rows["wrong"] |= large.any(axis=1)
-    rows.loc[rows.wrong, ["x", "y"]] = np.nan
-    rows["wrong"] |= cleaning.fill_values(rows)
-    motion = next((pair for pair in MOTIONS if table.roles.keys() >= {*pair}), ())
-    for k, role in enumerate(motion):
-        rows[f"rate{k}"] = table.numbers(role)[0]
-    return Places(rows, unit, degrees, polar="speed" in motion)
+    altitudes = _altitudes(table, roles, values, unit)
+    values = values[:, :2]
+    wrong |= (np.abs(values) > ([360.0, 90.0] if degrees else 1e12)).any(axis=1)
+    values[wrong] = np.nan
+    wrong |= cleaning.fill_values(values)
+    values[wrong] = np.nan
+    motion = next((pair for pair in MOTIONS if roles.keys() >= {*pair}), ())
+    columns = [parse_numbers(table.frame[roles[role]], thousands)[0] for role in motion]
+    rates = np.reshape(columns, (len(columns), len(values))).T
+    void, polar = _void_rows(table), motion[:1] == ("speed",)
+    return Places(values, wrong, void, unit, degrees, altitudes, rates=rates, polar=polar)
 
 
-def _degrees(table: Table, rows: pd.DataFrame, axes: list[str], unit: str | None) -> None:
-    """Convert `x` and `y` to degrees of longitude and latitude: from radians, semicircles, of which
-    2^31 are 180 degrees, whole numbers of 1e-7 degrees, or degrees and minutes such as 4730.5.
-    """
-    places = rows[["x", "y"]]
-    known = places.dropna().abs()
-    usual = known.median().max()
-    semicircles = any("position" in table.names[table.roles[role]].lower() for role in axes)
-    form = ""
+def _degrees(
+    table: Table, roles: dict[str, int], values: FloatArray, unit: str | None
+) -> FloatArray:
+    """Return degrees of longitude and latitude (n, 2) of what the columns have."""
+    axes = [roles[role] for role in (("lon", "lat") if "lat" in roles else ("x", "y"))]
+    semicircles = any("position" in table.names[k].lower() for k in axes)
+    values, form = in_degrees(values, semicircles or unit == "semicircles")
     if unit == "rad":
-        places, form = np.degrees(places), "radians"
-    elif usual > 1e5 and (semicircles or unit == "semicircles"):
-        places, form = places * (180.0 / 2**31), "semicircles"
-    elif usual > 1e5:
-        places, form = places / 1e7, "whole numbers of 1e-7 degrees"
-    elif usual > 360.0 and (known % 100.0 < 60.0).all(axis=None):
-        whole = (places.abs() // 100.0) * np.sign(places)
-        places, form = whole + (places - 100.0 * whole) / 60.0, "degrees and minutes"
+        values, form = np.degrees(values), "radians"
     if form:
         table.notes.append(f"latitude and longitude are {form}")
-    check_readable(table, axes[1], places.y.abs() > 90.0, "latitudes up to 90 degrees")
-    rows[["x", "y"]] = places
-    for name, role in (("x", "east_west"), ("y", "north_south")):
-        if role in table.roles:
-            letters = texts_of(table.cells(role)).str.upper()
-            rows.loc[letters.str.startswith(("W", "S")), name] *= -1.0
+    check_readable(table, axes[1], np.abs(values[:, 1]) > 90.0, "latitudes up to 90 degrees")
+    for k, role in enumerate(("east_west", "north_south")):
+        if role in roles:
+            letters = texts_of(table.frame[roles[role]]).str.upper()
+            values[letters.str.startswith(("W", "S")).to_numpy(), k] *= -1.0
+    return values
 
 
-def _scale_altitudes(table: Table, rows: pd.DataFrame, unit: str | None) -> None:
-    """Convert altitudes to the unit of the positions."""
-    if rows.altitude.isna().all():
-        table.roles.pop("z", None)
-        return
-    name, own = split_unit(table.names[table.roles["z"]])
+def _on_the_plane(
+    table: Table, roles: dict[str, int], values: FloatArray, unit: str | None, frame: str | None
+) -> tuple[FloatArray, bool]:
+    """Return positions (n, 2), or with altitudes (n, 3), with x east and y north, and whether they
+    are degrees now.
+    """
+    scale = 1e3 if unit == "km" else 1.0
+    found = frame_of(table, roles, values * scale, frame, str(unit).startswith(("px", "pixel")))
+    if "zone" in roles:
+        degrees = of_zones(table, texts_of(table.frame[roles["zone"]]), values[:, :2] * scale)
+        if degrees is not None:
+            table.notes.append("UTM positions of several zones")
+            return np.hstack([degrees, values[:, 2:]]), True
+    values, said = turned(values * scale if found == "ecef" else values, found)
+    table.notes += [said] * bool(said)
+    if found == "ecef":
+        # Metres now.
+        table.names[roles["z"]] = "z_m"
+    return values, found == "ecef"
+
+
+def _altitudes(
+    table: Table, roles: dict[str, int], values: FloatArray, unit: str | None
+) -> FloatArray | float:
+    """Return altitudes (n,) in the unit of the positions, from the third column of these, NaN
+    without one.
+    """
+    if "z" not in roles or not np.isfinite(values[:, 2]).any():
+        roles.pop("z", None)
+        return np.nan
+    name, own = split_unit(table.names[roles["z"]])
     own = "flight level" if name in ("fl", "flight_level") else own
     heights = {**METRES, "flight level": 30.48}
-    if own is None and unit == "m" and rows.altitude.std() > 0.0:
-        table.notes.append(f"{table.label('z')!r} taken as altitude in m (name it ..._ft)")
+    if own is None and unit == "m" and np.nanstd(values[:, 2]) > 0.0:
+        table.notes.append(f"{table.label(roles['z'])!r} taken as altitude in m (name it ..._ft)")
     # What is not known is the unit of the positions.
     own = own if own in heights else unit or "m"
-    rows["altitude"] *= heights.get(own, 1.0) / heights.get(unit or "m", 1.0)
+    return values[:, 2] * heights.get(own, 1.0) / heights.get(unit or "m", 1.0)
 
 
-def void_rows(table: Table) -> BoolArray:
+def _void_rows(table: Table) -> BoolArray:
     """Return in which rows (n,) the sensor says that it had no position. What most rows say means
     something else.
     """
     void = np.zeros(len(table.frame), np.bool_)
+    # Of a sensor that had no position.
+    without_fix = "false", "v", "no", "invalid", "void", "none", "no fix", "nofix", "n"
     for column, name in enumerate(table.names):
         role = role_of(name)
         if role not in VOID:
             continue
         cells = texts_of(table.frame[column]).str.lower()
+        # The status 0 of a ship is that it moves.
+        numbers = [] if "status" in name.lower() else ["0", "0.0"]
+        # Of an autopilot, 2 and 3 are the dimensions of a fix.
+        numbers += ["1"] * ("type" in name.lower())
+        without = cells.isin([*without_fix, *numbers]).to_numpy()
         if role == "dilution":
             without = (pd.to_numeric(cells, errors="coerce") >= 50.0).to_numpy()
-        else:
-            words = ["false", "v", "no", "invalid", "void", "none", "no fix", "nofix", "n"]
-            # The status 0 of a ship is that it moves.
-            words += ["0", "0.0"] * ("status" not in name.lower())
-            # Of an autopilot, 2 and 3 are the dimensions of a fix.
-            words += ["1"] * ("type" in name.lower())
-            without = cells.isin(words).to_numpy()
         void |= without & (without.mean() < 0.5)
     return void
 
 
 def read_polar(
-    table: Table, seconds: FloatArray, objects: "pd.Series[str]", radar: Radar | None
+    table: Table,
+    roles: dict[str, int],
+    times: Times,
+    rows_of: Sequence[tuple[str, IntArray]],
+    radar: Radar | None,
+    thousands: str | None,
 ) -> Places:
     """Parse ranges and bearings of a radar to positions, and range rates if it measures them.
-    Without a radar its standard deviations are those of the measurements at the times [s] of the
-    rows, (n,), of each object.
+    Without a radar its standard deviations are those of the measurements.
     """
     names = ("range", "bearing", "rate")[: 2 if radar is None else radar.values]
-    length, angle, *speed = map(table.unit, names)
+    columns = [parse_numbers(table.frame[roles[name]], thousands) for name in names]
+    length, angle, *speed = (split_unit(table.names[roles[name]])[1] for name in names)
     if angle not in (None, "rad", *DEGREES):
-        name = f"unit of {table.label('bearing')}"
+        name = f"{table.file}: unit of {table.label(roles['bearing'])}"
         raise reject(name, angle, "deg or rad")
     if length is not None and speed not in ([], [None], [f"{length}/s"]):
-        name = f"unit of {table.label('rate')}"
+        name = f"{table.file}: unit of {table.label(roles['rate'])}"
         raise reject(name, speed[0], f"{length}/s, as of the range")
     radians = angle == "rad"
     table.notes.append(
         f"bearings in {'radians from the x axis' if radians else 'degrees from north'}"
     )
-    columns = [table.numbers(name) for name in names]
-    ranges, bearings, *rates = (numbers for numbers, _ in columns)
-    wrong = np.any([wrong for _, wrong in columns], axis=0)
+    ranges, bearings, *rates = (numbers for numbers, _, _ in columns)
+    wrong = np.any([wrong for _, wrong, _ in columns], axis=0)
     with np.errstate(invalid="ignore"):
         wrong |= (ranges < 0.0) | (ranges > 1e12) | (np.abs(bearings) > 1e12)
-    polar = np.column_stack([ranges, bearings if radians else np.radians(90.0 - bearings)])
-    polar[wrong] = np.nan
+    rows = np.column_stack([ranges, bearings if radians else np.radians(90.0 - bearings)])
+    rows[wrong] = np.nan
     if radar is None:
-        radar = _found_radar(table, seconds, polar, objects, length or "units")
-    rows = pd.DataFrame({"wrong": wrong, "altitude": np.nan}, table.frame.index)
-    rows[["x", "y"]] = [radar.located(row)[:2] for row in polar]
-    for rate in rates:
-        rows["rate0"] = rate
-    return Places(rows, length, radar=radar)
+        radar = _found_radar(table, times.seconds, rows, rows_of, length or "units")
+    positions = np.array([radar.located(row)[:2] for row in rows])
+    speeds = np.reshape(rates, (len(rates), len(rows))).T
+    return Places(positions, wrong, _void_rows(table), length, radar=radar, rates=speeds)
 
 
 def _found_radar(
-    table: Table, seconds: FloatArray, polar: FloatArray, objects: "pd.Series[str]", unit: str
+    table: Table,
+    seconds: FloatArray,
+    polar: FloatArray,
+    rows_of: Sequence[tuple[str, IntArray]],
+    unit: str,
 ) -> Radar:
     """Return a radar at the origin with the standard deviations of measured ranges and bearings,
     (n, 2).
     """
-    names = {"object": objects.to_numpy(), "time": seconds}
-    rows = pd.DataFrame(names | {"range": polar[:, 0], "bearing": polar[:, 1]}).dropna()
     tracks = []
-    for _, track in rows.groupby("object"):
-        track = track.drop_duplicates("time").sort_values("time")
-        values = np.column_stack([track["range"], np.unwrap(track.bearing)])
-        tracks.append((track.time.to_numpy(), values))
+    known = np.isfinite(seconds) & np.isfinite(polar).all(axis=1)
+    for _, rows in rows_of:
+        instants, first = np.unique(seconds[rows[known[rows]]], return_index=True)
+        values = polar[rows[known[rows]][first]]
+        values[:, 1] = np.unwrap(values[:, 1])
+        tracks.append((instants, values))
     deviations = noise_deviations(tracks)
     if deviations is None or not deviations.all():
         raise ArgumentError(
-            "range and azimuth of a radar, whose standard deviations are not seen"
+            f"{table.file}: range and azimuth of a radar, whose standard deviations are not seen"
             " (few or rounded measurements): give them by --radar, for example --radar '30 0.01'"
         )
     length, angle = deviations.tolist()

@@ -1,10 +1,13 @@
 """Reading a file of recorded positions, also compressed by gzip."""
 
+import functools
 import os
+import re
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -12,21 +15,15 @@ import pandas as pd
 from baselines.recordings.projection import centred_projection
 from baselines.recordings.reading import cleaning
 from baselines.recordings.reading.columns import find_columns
-from baselines.recordings.reading.files import check_sizes, named_in_errors, read_table
-from baselines.recordings.reading.names import ONE_OBJECT, role_of
-from baselines.recordings.reading.places import (
-    Places,
-    check_readable,
-    read_polar,
-    read_positions,
-    void_rows,
-)
+from baselines.recordings.reading.files import read_table
+from baselines.recordings.reading.names import ONE_OBJECT, role_of, split_unit
+from baselines.recordings.reading.places import Places, check_readable, read_polar, read_positions
 from baselines.recordings.reading.summary import summary
 from baselines.recordings.reading.table import Table
-from baselines.recordings.reading.values import Times, names_of, parse_times, writable
+from baselines.recordings.reading.values import Times, parse_times
 from baselines.recordings.reading.velocities import find_velocities
 from baselines.recordings.recording import Recording, dates_since, iso_texts, make_recording
-from hybrid_env.checks import ArgumentError, reject
+from hybrid_env.checks import ArgumentError, IntArray, reject
 from hybrid_env.sensors import Radar
 
 
@@ -100,62 +97,73 @@ def read_recordings(
             half of its rows would be left out; the message names file, line or cause, and the
             option that helps.
     """
-    with named_in_errors(path) as file:
-        table = read_table(path)
-        table.thousands, table.file = thousands, file
-        if table.frame.empty:
-            raise ArgumentError("expected rows of numbers")
-        single = object_column == ONE_OBJECT
-        if not columns and (pairs := _pairs(table)):
-            table, single = _below_each_other(table, pairs), True
-            object_column = str(len(table.names))
-        polar = ("range", "bearing", "rate")
-        axes = (
-            (("x", "y"), ("lat", "lon"), polar[:2]) if radar is None else (polar[: radar.values],)
-        )
-        find_columns(table, columns, object_column, axes)
-        objects = object_names(table, Path(path))
-        times = read_times(table, time_unit, tau)
-        if "range" in table.roles:
-            places = read_polar(table, times.seconds, objects, radar)
-        else:
-            places = read_positions(table, unit, frame)
-        rows = places.rows.assign(
-            time=times.seconds,
-            cell=times.cells,
-            void=void_rows(table),
-            segment=table.segments,
-            object=objects,
-        )
-        if object_column is None and cleaning.told_apart(table, rows):
-            rows["object"] = object_names(table, Path(path))
-        by_object = rows.groupby("object", sort=False)
-        recordings, refused = [], []
-        for _, own in by_object:
-            try:
-                recordings.append(_recording(table, times, places, own, gap, single))
-            except ArgumentError as error:
-                refused.append(str(error))
-        if bad_rows == "refuse" and table.left_out:
-            line, reason = min((min(lines), reason) for reason, lines in table.left_out.items())
-            raise ArgumentError(f"line {line}: {reason}: left out with --bad-rows skip")
-        if not recordings:
-            raise ArgumentError([*refused, "no row names an object"][0])
-        tick = recordings[0].tick
-        if tau is not None and "time" in table.roles and abs(tau / tick - 1) > 1e-3:
-            raise reject("tau", tau, f"no value, or the median step of the times, {tick:.6g}")
-        count, total = cleaning.lost(table), len(table.frame)
-        if count > 0.1 * total:
-            causes = cleaning.causes(table)
-            refused.insert(0, f"{table.file}: {count:,} of {total:,} rows are left out: {causes}")
-        left_out = {reason: len(lines) for reason, lines in table.left_out.items()}
-        return RecordingFile(
-            tuple(replace(recording, left_out=left_out) for recording in recordings),
-            summary(table, times, recordings),
-            left_out,
-            tuple(refused),
-            len(by_object),
-        )
+    table = read_table(path)
+    if table.frame.empty:
+        raise reject("file", table.file, "rows of numbers")
+    if not columns and (pairs := _pairs(table)):
+        given = {"unit": unit, "time_unit": time_unit, "tau": tau, "gap": gap}
+        given |= {"thousands": thousands, "frame": frame, "bad_rows": bad_rows}
+        return _read_pairs(path, table, pairs, given)
+    polar = ("range", "bearing", "rate")
+    axes = (("x", "y"), ("lat", "lon"), polar[:2]) if radar is None else (polar[: radar.values],)
+    roles = find_columns(table, columns, object_column, axes)
+    rows_of = object_rows(table, roles, Path(path))
+    times = read_times(table, roles, time_unit, tau)
+    if "bearing" in roles:
+        places = read_polar(table, roles, times, rows_of, radar, thousands)
+    else:
+        places = read_positions(table, roles, unit, thousands, frame)
+    everything = pd.DataFrame(
+        {
+            "time": times.seconds,
+            "x": places.values[:, 0],
+            "y": places.values[:, 1],
+            "altitude": places.altitudes,
+            "wrong": places.wrong,
+            "void": places.void,
+            "cell": times.cells,
+            **{f"rate{k}": column for k, column in enumerate(places.rates.T)},
+            "segment": table.segments,
+        },
+        table.frame.index,
+    )
+    if object_column is None:
+        everything["object"] = table.frame[roles["object"]] if "object" in roles else 0
+        if telling := cleaning.telling_columns(table, everything, roles.values()):
+            rows_of = _told_apart(table, roles, telling, Path(path))
+    single = object_column == ONE_OBJECT
+    marked = object_column is not None or len(rows_of) > 1
+    recordings, refused = [], []
+    for name, rows in rows_of:
+        try:
+            own = everything.iloc[rows]
+            recordings.append(
+                _recording(
+                    table, times, places, own, name=name, gap=gap, marked=marked, single=single
+                )
+            )
+        except ArgumentError as error:
+            refused.append(str(error))
+    if bad_rows == "refuse" and table.left_out:
+        line, reason = min((min(lines), reason) for reason, lines in table.left_out.items())
+        raise ArgumentError(f"{table.file}, line {line}: {reason}: left out with --bad-rows skip")
+    if not recordings:
+        raise ArgumentError(refused[0])
+    tick = recordings[0].tick
+    if tau is not None and "time" in roles and abs(tau / tick - 1) > 1e-3:
+        raise reject("tau", tau, f"no value, or the median step of the times, {tick:.6g}")
+    count, total = cleaning.lost(table), len(table.frame)
+    if count > 0.1 * total:
+        causes = cleaning.causes(table)
+        refused.insert(0, f"{table.file}: {count:,} of {total:,} rows are left out: {causes}")
+    left_out = {reason: len(lines) for reason, lines in table.left_out.items()}
+    return RecordingFile(
+        tuple(replace(recording, left_out=left_out) for recording in recordings),
+        summary(table, roles, times, recordings),
+        left_out,
+        tuple(refused),
+        len(rows_of),
+    )
 
 
 def _pairs(table: Table) -> list[int]:
@@ -174,52 +182,104 @@ def _pairs(table: Table) -> list[int]:
     return pairs if len(pairs) > 1 else []
 
 
-def _below_each_other(table: Table, pairs: list[int]) -> Table:
-    """Return a table whose last columns are x, y and object, of one whose objects have two columns
-    each, see `_pairs`.
+def _read_pairs(
+    path: str | os.PathLike[str], table: Table, pairs: list[int], given: dict[str, Any]
+) -> RecordingFile:
+    """Return what was read of a file whose objects have two columns each, see `_pairs`; `given` are
+    keywords of `read_recordings`.
     """
-    others = [k for k in range(len(table.names)) if not {k, k - 1} & {*pairs}]
-    check_sizes(cells=len(pairs) * len(table.frame) * (len(others) + 3))
-    parts = [
-        table.frame[[*others, k, k + 1]].set_axis(range(len(others) + 2), axis=1) for k in pairs
-    ]
-    frame = pd.concat(parts)
-    frame["object"] = np.repeat([table.names[k] for k in pairs], len(table.frame))
-    frame.columns = [*(table.names[k] for k in others), "x", "y", "object"]
-    table.notes.append("objects have columns for x and y each")
-    return replace(table, frame=frame)
+    files, recordings, refused = [], [], []
+    for k in pairs:
+        numbers = {"x": str(k + 1), "y": str(k + 2)}
+        try:
+            of_object = read_recordings(path, columns=numbers, object_column=ONE_OBJECT, **given)
+        except ArgumentError as error:
+            refused.append(f"{table.names[k]}: {error}")
+            continue
+        files.append(of_object)
+        recordings.append(replace(of_object.recordings[0], name=_writable(table.names[k])))
+    if not files:
+        raise ArgumentError(refused[0])
+    left_out: Counter[str] = Counter()
+    for each in files:
+        left_out.update(each.left_out)
+    return RecordingFile(
+        tuple(recordings),
+        f"{len(files)} objects with columns for x and y each; the first: {files[0].summary}",
+        dict(left_out),
+        (*refused, *(line for each in files for line in each.warnings)),
+        len(pairs),
+    )
 
 
-def object_names(table: Table, path: Path) -> "pd.Series[str]":
-    """Return the name of the object of each row, none where its cell is empty."""
-    if "object" not in table.roles:
+def _told_apart(
+    table: Table, roles: dict[str, int], columns: tuple[int, ...], path: Path
+) -> list[tuple[str, IntArray]]:
+    """Return the names of the objects and their rows by columns that tell them apart, and by that
+    of `roles` if there is one already.
+    """
+    columns = (*(k for role, k in roles.items() if role == "object"), *columns)
+    name = " and ".join(map(table.label, columns))
+    table.notes.append(f"{name!r} taken as object, as times repeat without it (--object)")
+    roles["object"] = columns[0]
+    if len(columns) > 1:
+        cells = [table.frame[k].map(cell_text, na_action="ignore") for k in columns]
+        roles["object"] = table.add(name, functools.reduce(lambda a, b: a + " " + b, cells))
+    return object_rows(table, roles, path)
+
+
+def object_rows(table: Table, roles: dict[str, int], path: Path) -> list[tuple[str, IntArray]]:
+    """Return the names of the objects and their rows."""
+    if "object" not in roles:
         stem = path.name.removesuffix(".gz")
-        return pd.Series(writable(Path(stem).stem or stem), table.frame.index)
-    names = names_of(table.cells("object"))
-    table.leave_out("rows without an object", names.index[names.isna()])
-    return names
+        return [(_writable(Path(stem).stem or stem), np.arange(len(table.frame)))]
+    codes, names = pd.factorize(table.frame[roles["object"]])
+    table.leave_out("rows without an object", table.lines[codes < 0])
+    return [(cell_text(name), np.flatnonzero(codes == k)) for k, name in enumerate(names)]
 
 
-def read_times(table: Table, unit: str | None = None, tau: float | None = None) -> Times:
+def cell_text(value: Any) -> str:
+    """Return a cell as short text; whole numbers have no decimal point, and what would be a formula
+    no quotation mark before it, as `hybridtrack track` writes it.
+    """
+    text = re.sub(r"^(\d+)\.0+$", r"\1", " ".join(str(value).split()))[:60]
+    return re.sub(r"^'(?=[=+\-@|])", "", _writable(text))
+
+
+def _writable(text: str) -> str:
+    """Return a text without characters that XML or UTF-8 does not have."""
+    return re.sub(r"[\0-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]", "\ufffd", text)
+
+
+def read_times(
+    table: Table, roles: dict[str, int], unit: str | None = None, tau: float | None = None
+) -> Times:
     """Return the times of all rows; without a column of times the ticks, by an index or by the
     number of the row.
     """
-    role = next((role for role in ("fix_time", "time", "date", "index") if role in table.roles), "")
+    clocks = [roles[role] for role in ("fix_time", "time", "date", "index") if role in roles]
     ticks = np.arange(len(table.frame), dtype=np.float64)
-    if role:
-        date = table.cells("date") if "date" in table.roles and role != "date" else None
-        times = parse_times(table.cells(role), date, unit, table.unit(role))
+    if "fix_time" in roles:
+        table.repeats = cleaning.STALE
+    if clocks:
+        number, date = clocks[0], roles.get("date")
+        times = parse_times(
+            table.frame[number],
+            None if date is None or date == number else table.frame[date],
+            unit,
+            split_unit(table.names[number])[1],
+        )
         allowed = "a number, a date, or --time-unit with a format such as '%d/%m/%Y %H:%M:%S'"
-        check_readable(table, role, np.isnan(times.seconds), allowed)
+        check_readable(table, number, np.isnan(times.seconds), allowed)
         if times.cells is None and times.epoch is not None:
             known = np.nan_to_num(times.seconds)
             times = times._replace(cells=iso_texts(dates_since(times.epoch, known)))
-        if role != "index" or times.kind or (times.seconds % 1.0).any():
+        if number != roles.get("index") or times.kind or (times.seconds % 1.0).any():
             return times
         ticks = times.seconds - times.seconds.min()
-        table.notes.append(f"{table.label(role)!r} taken as ticks")
+        table.notes.append(f"{table.label(number)!r} taken as ticks")
     elif unit is not None:
-        allowed = "no value, as the file has no times: name them by --columns time=..."
+        allowed = f"no value, as {table.file} has no times: name them by --columns time=..."
         raise reject("time_unit", unit, allowed)
     if tau is None:
         return Times(ticks, None, "", "ticks")
@@ -228,55 +288,72 @@ def read_times(table: Table, unit: str | None = None, tau: float | None = None) 
 
 
 def _recording(
-    table: Table, times: Times, places: Places, rows: pd.DataFrame, gap: float | None, single: bool
+    table: Table,
+    times: Times,
+    places: Places,
+    rows: pd.DataFrame,
+    *,
+    name: str,
+    gap: float | None,
+    marked: bool,
+    single: bool,
 ) -> Recording:
-    """Return the recording of an object. `single`: the caller says that the rows are of one."""
-    name, total, already = rows.object.iloc[0], len(rows), cleaning.lost(table)
+    """Return the recording of an object. `marked`: a column says that the rows are of one object;
+    `single`: the caller says so.
+    """
+    already, total = cleaning.lost(table), len(rows)
+    axes, unit = ["x", "y"], places.unit or "units"
     rows = cleaning.sorted_rows(table, rows)
     rows = table.without(rows, rows.void, "rows of a sensor without a fix")
     rows = table.without(rows, rows.wrong, "rows whose position cannot be read")
-    axes, unit = ["x", "y"], places.unit or "units"
-    count = len(rows.dropna(subset=axes))
-    if count < 2:
-        raise ArgumentError(f"{name}: {count} measured positions: expected at least two")
+    measured = rows.dropna(subset=axes)
+    if len(measured) < 2:
+        raise ArgumentError(
+            f"{table.file}: {name} has {len(measured)} measured positions: expected at least two"
+        )
     projection = None
     if places.degrees:
         projection = centred_projection(rows.y, rows.x)
         rows[axes] = projection.forward(rows.y, rows.x)
+    several = "name by --object the column that tells them apart"
     distance, jumps = cleaning.jumps_between_places(rows.dropna(subset=axes))
     rows = cleaning.rows_of_times(table, rows)
     measured = rows.dropna(subset=axes)
-    if places.unit is None and len(measured) > 1 and cleaning.look_like_degrees(measured):
+    seen = measured.time.to_numpy(), measured[axes].to_numpy()
+    if places.unit is None and len(measured) > 1 and cleaning.look_like_degrees(*seen):
         raise ArgumentError(
-            f"x and y of {name} look like degrees: --unit deg for longitude x and"
+            f"{table.file}: x and y of {name} look like degrees: --unit deg for longitude x and"
             " latitude y, or --unit m for a plane"
         )
-    rows = cleaning.fresh_rows(table, rows)
-    several = "name by --object the column that tells them apart"
+    stale = measured.index[cleaning.stale_rows(measured[axes].to_numpy())]
+    rows = table.without(rows, rows.index.isin(stale), cleaning.STALE)
+    if not marked and cleaning.rows_alternate(rows[axes].dropna().to_numpy()):
+        raise ArgumentError(
+            f"{table.file}: rows alternate between places that are far apart, as of two objects:"
+            f" {several}, or --object none for a single one"
+        )
     if jumps and not single:
         raise ArgumentError(
-            f"{name} jumps {jumps:,} times between two places that are"
+            f"{table.file}: {name} jumps {jumps:,} times between two places that are"
             f" {float(f'{distance:.3g}'):,g} {unit} apart, as two objects of one name: {several}"
-        )
-    if not single and cleaning.rows_alternate(rows.dropna(subset=axes)):
-        raise ArgumentError(
-            "rows alternate between places that are far apart, as of two objects:"
-            f" {several}, or --object none for a single one"
         )
     if cleaning.lost(table) - already > 0.5 * total and not single:
         causes = cleaning.causes(table)
-        raise ArgumentError(f"more than half of {name} is left out: {causes}")
-    rates = rows.filter(like="rate").to_numpy()
-    if places.radar is None and rates.size:
-        rates, note = find_velocities(rows, places.polar, places.unit)
+        raise ArgumentError(f"{table.file}: more than half of {name} is left out: {causes}")
+    times_of_rows, positions = rows.time.to_numpy(), rows[axes].to_numpy()
+    rates = rows[[name for name in rows if str(name).startswith("rate")]].to_numpy()
+    if places.radar is None and rates.shape[1] == 2:
+        rates, note = find_velocities(times_of_rows, positions, rates, places.polar, places.unit)
         table.notes.append(note)
-    different = rows.altitude.nunique()
+        rates = rates if np.isfinite(rates).any() else rates[:, :0]
+    altitudes = rows.altitude.to_numpy()
+    different = len(np.unique(altitudes[np.isfinite(altitudes)]))
     if different == 1:
         table.notes.append("all altitudes are the same and say nothing")
     return make_recording(
-        rows.time,
-        rows[axes],
-        altitudes=rows.altitude.to_numpy() if different > 1 else None,
+        times_of_rows,
+        positions,
+        altitudes=altitudes if different > 1 else None,
         name=name,
         gap=gap,
         # Reception was lost, or the logger was switched off.

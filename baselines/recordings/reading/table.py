@@ -1,4 +1,4 @@
-"""The cells of a file, what its columns mean, and what was left out or assumed on the way."""
+"""The cells of a file, and what was left out or assumed on the way."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -6,29 +6,27 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from baselines.recordings.reading.names import split_unit
-from baselines.recordings.reading.values import Parser, parse_numbers
-from hybrid_env.checks import BoolArray, FloatArray, IntArray
+from hybrid_env.checks import IntArray
+
+REPEATED = "repeated times"
 
 
 @dataclass(eq=False)
 class Table:
     """Cells of a file, before it is known what they mean."""
 
+    # Its path for messages, shortened.
+    file: str
     # One column for each of `names`, labelled by its number from 0; rows by their lines, from 1.
     frame: pd.DataFrame
     # Whether the file names its columns.
     headed: bool = True
-    # Number of the column of each role that is read.
-    roles: dict[str, int] = field(default_factory=dict)
-    # Mark between thousands in its numbers.
-    thousands: str | None = None
     # (n,) a number for the segment of a GPX track of each row.
     segments: IntArray | int = 0
+    # Why rows with one time are left out.
+    repeats: str = REPEATED
     # Lines that were left out, by the reason.
     left_out: dict[str, list[int]] = field(default_factory=dict)
-    # Its path for messages, shortened.
-    file: str = ""
     # What was assumed, for the summary.
     notes: list[str] = field(default_factory=list)
 
@@ -36,27 +34,11 @@ class Table:
         # Of the columns as in the file; empty for one without a name, also an index of pandas.
         self.names = ["" if "__index_level_" in name else name for name in self.frame.columns]
         self.frame = self.frame.set_axis(range(len(self.names)), axis=1)
+        self.lines: IntArray = self.frame.index.to_numpy()
 
-    def cells(self, role: str) -> "pd.Series[Any]":
-        """Return the column of a role."""
-        return self.frame[self.roles[role]]
-
-    def unit(self, role: str) -> str | None:
-        """Return the unit that the header names for a role."""
-        return split_unit(self.names[self.roles[role]])[1]
-
-    def numbers(self, role: str, parse: Parser = parse_numbers) -> tuple[FloatArray, BoolArray]:
-        """Return the numbers of the column of a role, NaN where a cell is none, and which cells are
-        not empty and no numbers.
-        """
-        values, wrong, comma = parse(self.cells(role), self.thousands)
-        self.notes += ["decimal comma"] * comma
-        return values, wrong
-
-    def label(self, column: int | str) -> str:
-        """Return the name of a column, or of that of a role, for a message."""
-        number = self.roles[column] if isinstance(column, str) else column
-        return self.names[number] or f"column {number + 1}"
+    def label(self, column: int) -> str:
+        """Return the name of a column for a message."""
+        return self.names[column] or f"column {column + 1}"
 
     def add(self, name: str, cells: "pd.Series[Any]") -> int:
         """Add a column and return its number."""

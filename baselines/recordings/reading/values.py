@@ -2,7 +2,6 @@
 
 import functools
 import re
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,23 +11,6 @@ from baselines.recordings.reading.names import SECONDS
 from hybrid_env.checks import AnyArray, BoolArray, FloatArray, reject
 
 DAY = 86400.0
-# Numbers, which cells are not empty and none, and whether the decimal mark is a comma.
-Parsed = tuple[FloatArray, BoolArray, bool]
-Parser = Callable[[pd.Series, str | None], Parsed]
-CLOCKS = (
-    *("%H:%M:%S", "%H:%M:%S.%f", "%H:%M", "%H%M%S", "%H%M%S.%f"),
-    *("%I:%M:%S %p", "%I:%M:%S.%f %p", "%I:%M %p"),
-)
-DAYS = (
-    *("%d/%m/%Y", "%d.%m.%Y", "%d-%m-%Y", "%m/%d/%Y", "%m.%d.%Y", "%m-%d-%Y"),
-    *("%d/%m/%y", "%d.%m.%y", "%d-%m-%y", "%m/%d/%y", "%m.%d.%y", "%m-%d-%y"),
-    *("%d-%b-%Y", "%d %b %Y", "%Y%m%d", "%y%m%d", "%d%m%y"),
-)
-FORMS = (
-    *("%Y%m%d%H%M%S", "%Y%m%d%H%M%S.%f", *CLOCKS, *DAYS),
-    *(f"{day} {clock}" for day in DAYS for clock in CLOCKS),
-)
-"""Formats of times that are recognised beside ISO 8601."""
 
 
 class Times(NamedTuple):
@@ -51,25 +33,9 @@ def texts_of(cells: pd.Series) -> pd.Series:
     return cells.astype(object).where(cells.notna(), "").astype("str").str.strip()
 
 
-def cell_text(value: Any) -> str:
-    """Return a cell as short text; whole numbers have no decimal point, and what would be a formula
-    no quotation mark before it, as `hybridtrack track` writes it.
-    """
-    text = re.sub(r"^(\d+)\.0+$", r"\1", " ".join(str(value).split()))[:60]
-    return re.sub(r"^'(?=[=+\-@|])", "", writable(text))
-
-
-def writable(text: str) -> str:
-    """Return a text without characters that XML or UTF-8 does not have."""
-    return re.sub(r"[\0-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]", "\ufffd", text)
-
-
-def names_of(cells: pd.Series) -> pd.Series:
-    """Return cells as names of objects, none where they are empty."""
-    return cells.map({cell: cell_text(cell) for cell in cells.dropna().unique()})
-
-
-def parse_numbers(cells: pd.Series, thousands: str | None = None) -> Parsed:
+def parse_numbers(
+    cells: pd.Series, thousands: str | None = None
+) -> tuple[FloatArray, BoolArray, bool]:
     """Parse cells as numbers with a decimal point, or all with a decimal comma.
 
     Args:
@@ -87,8 +53,10 @@ def parse_numbers(cells: pd.Series, thousands: str | None = None) -> Parsed:
     if thousands is not None or (numbers.isna() & cells.notna()).any():
         texts = texts_of(cells).str.replace(thousands or " ", "", regex=False)
         # A decimal comma is one where no cell has a point.
-        points = texts.str.contains(".", regex=False).any()
-        comma = not points and bool(texts.str.fullmatch(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?").any())
+        comma = bool(
+            texts.str.fullmatch(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?").any()
+            and not texts.str.contains(".", regex=False).any()
+        )
         texts = texts.str.replace(",", ".", regex=False) if comma else texts
         numbers = pd.to_numeric(texts, errors="coerce")
         cells = cells.where(texts != "")
@@ -97,7 +65,9 @@ def parse_numbers(cells: pd.Series, thousands: str | None = None) -> Parsed:
     return values, np.isnan(values) & cells.notna().to_numpy(), comma
 
 
-def parse_angles(cells: pd.Series, thousands: str | None = None) -> Parsed:
+def parse_angles(
+    cells: pd.Series, thousands: str | None = None
+) -> tuple[FloatArray, BoolArray, bool]:
     """Parse cells as degrees, as `parse_numbers` does; also with a letter of the hemisphere, and
     with minutes and seconds.
     """
@@ -134,6 +104,27 @@ def parted_places(cells: pd.Series) -> tuple[pd.Series, pd.Series]:
     return read["lat"], read["lon"]
 
 
+def in_degrees(values: FloatArray, semicircles: bool) -> tuple[FloatArray, str]:
+    """Return degrees of longitudes and latitudes (n, 2), and how they were understood, "" for
+    degrees: as semicircles or whole numbers of 1e-7 degrees, or as degrees and minutes such as
+    4730.5.
+
+    Args:
+        values: longitudes and latitudes, NaN where there are none.
+        semicircles: whether large numbers are semicircles, of which 2^31 are 180 degrees.
+    """
+    known = np.abs(values[~np.isnan(values).any(axis=1)])
+    usual = np.median(known, axis=0).max() if len(known) else 0.0
+    if usual > 1e5:
+        if semicircles:
+            return values * (180.0 / 2**31), "semicircles"
+        return values / 1e7, "whole numbers of 1e-7 degrees"
+    if usual > 360.0 and (known % 100.0 < 60.0).all():
+        degrees, minutes = np.divmod(np.abs(values), 100.0)
+        return np.sign(values) * (degrees + minutes / 60.0), "degrees and minutes"
+    return values, ""
+
+
 def parse_times(
     cells: pd.Series,
     dates: pd.Series | None = None,
@@ -151,42 +142,39 @@ def parse_times(
     Raises:
         ArgumentError: the unit is none.
     """
-    form = unit if unit is not None and "%" in unit else None
-    if unit is None and header is not None and header.lower() in SECONDS:
-        unit = header.lower()
-    if form is None and unit is not None and unit not in SECONDS:
+    if unit is not None and unit not in SECONDS and "%" not in unit:
         allowed = f"one of {', '.join(SECONDS)}, or a format such as '%d/%m/%Y %H:%M:%S'"
         raise reject("time_unit", unit, allowed)
     if pd.api.types.is_datetime64_any_dtype(cells):
         return _from_dates(_dates(cells), "dates")
     texts = texts_of(cells).str.removesuffix(" UTC")
     texts = texts.str.replace(r"(?<=:\d\d),(?=\d)", ".", regex=True)
-    if texts.str.contains(r":\d\d:\d\d\.").any():
-        texts = texts.str.replace(r"(:\d\d:\d\d)(?![.\d])", r"\1.0", regex=True)
     if dates is not None and texts.str.match(r"\d{1,2}:\d|\d{5,6}(?:\.\d*)?$").mean() > 0.5:
-        times = _formed(texts_of(dates) + " " + texts, form)
+        both = texts_of(dates) + " " + texts
+        times = _recognised(both) if unit is None or "%" not in unit else _formed(both, unit)
         if times.epoch is not None:
             return times._replace(kind=times.kind.replace("dates", "dates and times of day"))
+    if unit is not None and "%" in unit:
+        return _formed(texts, unit)._replace(cells=cells.to_numpy())
+    if unit is None and header is not None and header.lower() in SECONDS:
+        unit = header.lower()
+    return _of_texts(cells, texts, unit)._replace(cells=cells.to_numpy())
+
+
+def _of_texts(cells: pd.Series, texts: pd.Series, unit: str | None) -> Times:
+    """Return the times of numbers in a unit, of clocks without marks, or of texts."""
     values, wrong, _ = parse_numbers(cells)
-    if form is not None or wrong.mean() > 0.5:
-        times = _formed(texts, form)
-    else:
-        times = (unit is None and _of_clock(texts, values)) or _from_numbers(values, unit)
-    return times._replace(cells=cells.to_numpy())
-
-
-def _of_clock(texts: pd.Series, values: FloatArray) -> Times | None:
-    """Return times of day or dates, also with times of day, that are written as numbers such as
-    101500.25 or 20260501101500; None of other numbers.
-    """
+    if wrong.mean() > 0.5:
+        return _recognised(texts)
+    # A time of day, or a date, also with a time of day, as a number: 101500.25 or 20260501101500.
     digits = r"(?:\d{6}|(?:19|20)\d{6}(?:\d{6})?)(?:\.\d+)?"
-    # The steps of a clock such as 101559 jump at each minute, of which none has 60 seconds.
-    if not texts.str.fullmatch(digits).all():
-        return None
-    times = _formed(texts)
-    uneven = (np.diff(values, n=2) != 0.0).any()
-    known = not np.isnan(times.seconds).any()
-    return times if known and (uneven or times.epoch is not None) else None
+    if unit is None and texts.str.fullmatch(digits).all():
+        times = _recognised(texts)
+        # The steps of a clock such as 101559 jump at each minute, of which none has 60 seconds.
+        uneven = (np.diff(values, n=2) != 0.0).any()
+        if (uneven or times.epoch is not None) and not np.isnan(times.seconds).any():
+            return times
+    return _from_numbers(values, unit)
 
 
 def unwrapped(clock: FloatArray) -> FloatArray:
@@ -204,23 +192,23 @@ def _from_numbers(values: FloatArray, unit: str | None) -> Times:
     known = values[~np.isnan(values)]
     if not len(known):
         return Times(values, None, "")
+    middle = float(np.median(known))
     step = np.median(np.diff(np.unique(known), append=np.inf))
     large = unit is None and len(known) >= 20 and step >= 1e4 and not (known % 1.0).any()
-    # Dates hours apart are whole minutes; microseconds since a start are not.
-    words = ["milliseconds", "microseconds", "nanoseconds"]
-    if not large or not (np.diff(known) % 60.0).any():
-        words = ["seconds", *words]
-    for word in words:
+    # Seconds since 1970 of the years 1990 to 2103.
+    first, last = 6.3e8, 4.2e9
+    for word in ("seconds", "milliseconds", "microseconds", "nanoseconds"):
         scale = SECONDS[word]
-        # Seconds since 1970 of the years 1990 to 2103.
-        dated = 6.3e8 <= np.median(known) * scale <= 4.2e9
-        if dated and SECONDS[unit or word] == scale:
+        # Dates hours apart are whole minutes; microseconds since a start are not.
+        since_start = word == "seconds" and large and (np.diff(known) % 60.0).any()
+        dated = SECONDS[unit or word] == scale and first <= middle * scale <= last
+        if dated and not since_start:
             return since_1970(values * scale, f"{word} since 1970")
     if large:
         unit = "us" if step < 1e7 else "ns"
-    scale = SECONDS[unit or "s"]
+    seconds = SECONDS[unit or "s"] * np.where(np.abs(values) < 1e300, values, np.nan)
     # Three centuries are no time of a sensor.
-    seconds = scale * np.where(np.abs(values) <= 1e10 / scale, values, np.nan)
+    seconds[np.abs(seconds) > 1e10] = np.nan
     return Times(seconds, None, f"in {unit}" if unit not in (None, "s") else "")
 
 
@@ -228,10 +216,11 @@ def since_1970(seconds: FloatArray, kind: str) -> Times:
     """Return times since the earliest of seconds since 1970, without those of a clock that is
     not set.
     """
-    if np.isnan(seconds).all():
+    known = np.sort(seconds[~np.isnan(seconds)])
+    if not len(known):
         return Times(seconds, None, kind)
     # Nine years from the others a clock is not set.
-    far = np.abs(seconds - np.nanquantile(seconds, 0.5, method="lower")) > 3e8
+    far = np.abs(seconds - known[(len(known) - 1) // 2]) > 3e8
     seconds = np.where(far, np.nan, seconds)
     start = float(np.nanmin(seconds))
     epoch = pd.Timestamp(round(start * 1e6), unit="us").isoformat() + "Z"
@@ -239,10 +228,12 @@ def since_1970(seconds: FloatArray, kind: str) -> Times:
     return Times((seconds - start).round(6), epoch, kind)
 
 
-def _recognised(texts: pd.Series) -> str:
-    """Return the format that reads most of the texts; of several ones, that which gives the
-    shortest recording that is not in the future.
+def _recognised(texts: pd.Series) -> Times:
+    """Return the times of texts in the format that reads most of them; of several ones, that which
+    gives the shortest recording that is not in the future.
     """
+    if texts.str.contains(r":\d\d:\d\d\.").any():
+        texts = texts.str.replace(r"(:\d\d:\d\d)(?![.\d])", r"\1.0", regex=True)
     sample = texts[texts != ""]
     sample = sample.iloc[:: len(sample) // 200 + 1]
     now = pd.Timestamp.now("UTC")
@@ -253,8 +244,19 @@ def _recognised(texts: pd.Series) -> str:
         return share, last <= now, dates.min() - last, last.year
 
     marks = set(sample.str.replace(r"\w+", "", regex=True))
-    forms = [form for form in FORMS if re.sub(r"%\w", "", form) in marks]
-    return max(["ISO8601", *forms], key=rank)
+    forms = [form for form in _forms() if re.sub(r"%\w", "", form) in marks]
+    return _formed(texts, max(["ISO8601", *forms], key=rank))
+
+
+def _forms() -> list[str]:
+    """Return the formats that are recognised beside ISO 8601."""
+    clocks = ["%H:%M:%S", "%H:%M:%S.%f", "%H:%M", "%H%M%S", "%H%M%S.%f"]
+    clocks += ["%I:%M:%S %p", "%I:%M:%S.%f %p", "%I:%M %p"]
+    orders = "%d{0}%m{0}%Y", "%m{0}%d{0}%Y", "%d{0}%m{0}%y", "%m{0}%d{0}%y"
+    days = [order.format(mark) for order in orders for mark in "/.-"]
+    days += ["%d-%b-%Y", "%d %b %Y", "%Y%m%d", "%y%m%d", "%d%m%y"]
+    whole = ["%Y%m%d%H%M%S", "%Y%m%d%H%M%S.%f"]
+    return [*whole, *clocks, *days, *(f"{day} {clock}" for day in days for clock in clocks)]
 
 
 def _dates(cells: pd.Series, form: str | None = None) -> pd.Series:
@@ -263,9 +265,8 @@ def _dates(cells: pd.Series, form: str | None = None) -> pd.Series:
     return dates.where(dates.dt.year.between(1700, 2200))
 
 
-def _formed(texts: pd.Series, form: str | None = None) -> Times:
-    """Return the times of texts in a format, with or without a date; None recognises it."""
-    form = form or _recognised(texts)
+def _formed(texts: pd.Series, form: str) -> Times:
+    """Return the times of texts in a format, with or without a date."""
     try:
         dates = _dates(texts, form)
     except (ValueError, LookupError, TypeError, OverflowError, re.error) as error:
