@@ -13,7 +13,7 @@ from torch import Tensor, nn
 
 from agents.interface.world_arguments import trusted
 from agents.learned.policy import Actor, actor_decider, read_actor
-from agents.learned.policy_file import LARGEST_POLICY, check_finite, one_line
+from agents.learned.policy_file import LARGEST_POLICY, check_finite, short_message
 from agents.learned.torch_defaults import torch_defaults
 from agents.learned.zip_file import read_model
 from baselines.rules.decider import Decider
@@ -40,7 +40,7 @@ def exchanged_decider(path: Path, options: Any) -> Decider:
         raise ArgumentError(f"{path.name}: {error}") from error
     except Exception as error:
         raise reject(
-            "decider", str(path), f"a policy that can be read ({one_line(error)})"
+            "decider", str(path), f"a policy that can be read ({short_message(error)})"
         ) from error
 
 
@@ -62,7 +62,7 @@ def _from_zip(path: Path, options: Any) -> Decider:
     except (KeyError, ValueError, RuntimeError) as error:
         if not trusted():
             remedy = "--trust unpickles it, which runs the code in the file"
-            raise ValueError(f"{one_line(error)}; {remedy}") from None
+            raise ValueError(f"{short_message(error)}; {remedy}") from None
         policy = _unpickled(path)
     if normalised:
         _normalise(policy, path)

@@ -184,10 +184,10 @@ def load_network(policy: SavedPolicy) -> torch.nn.Module:
 
 def unreadable_policy(folder: Path, error: Exception) -> ValueError:
     """Return the error for a run folder without a complete policy."""
-    reason = f"no {error}" if isinstance(error, KeyError) else one_line(error)
+    reason = f"no {error}" if isinstance(error, KeyError) else short_message(error)
     return reject("run", str(folder), f"a run folder with {WEIGHTS} and {CARD} ({reason})")
 
 
-def one_line(error: Exception) -> str:
+def short_message(error: Exception) -> str:
     """Return an error message as one line of at most 200 characters."""
     return " ".join(str(error).split())[:200] or type(error).__name__

@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from agents.interface.output_files import atomic_file
-from agents.learned.policy_file import one_line
+from agents.learned.policy_file import short_message
 from agents.learned.zip_file import read_plain
 from hybrid_env.checks import reject
 
@@ -72,7 +72,7 @@ def read_checkpoint(folder: Path) -> Any:
 
 def incomplete_checkpoint(folder: Path, error: Exception) -> ValueError:
     """Return the error for a checkpoint that does not fit its run."""
-    allowed = f"a run folder with a complete {CHECKPOINT} ({one_line(error)})"
+    allowed = f"a run folder with a complete {CHECKPOINT} ({short_message(error)})"
     return reject("resume", str(folder), allowed)
 
 

@@ -26,7 +26,7 @@ from torch.utils.tensorboard import SummaryWriter
 
 from agents.evaluation.task import task_of
 from agents.learned.policy import Actor, ObservationFeatures, actor_decider, read_actor
-from agents.learned.policy_file import LAYOUTS, SavedPolicy, one_line, unreadable_policy
+from agents.learned.policy_file import LAYOUTS, SavedPolicy, short_message, unreadable_policy
 from agents.training import checkpoint, run_folder
 from agents.training.algorithm import Algorithm, OnRound, TrainingProgress
 from agents.training.library_settings import Layer, LibrarySettings
@@ -344,7 +344,7 @@ class LibraryAlgorithm(Algorithm):
             raise
         except ValueError as error:
             # Probabilities that are not finite.
-            raise ArgumentError(f"the training has diverged: {one_line(error)}") from error
+            raise ArgumentError(f"the training has diverged: {short_message(error)}") from error
         finally:
             model.logger.close()
 
