@@ -5,55 +5,45 @@ innovations.
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from studies.arrays import BoolArray, FloatArray
-from studies.filters.motion_models import MotionModel
 from studies.filters.track_filter import TrackFilter
 
 
 class GHFilter(TrackFilter):
     """The g-h or alpha-beta filter of positions in d dimensions, [x, v] per axis, Sklansky 1957.
-    With a third gain it is the g-h-k or alpha-beta-gamma filter, [x, v, a] per axis, Simpson 1963.
 
-    With x, v and a the prediction at a measurement z, and t the time since the last measurement:
-    x' = x + g (z - x), v' = v + h / t (z - x), a' = a + 2 k / t^2 (z - x), as Brookner 1998 writes
-    the gains. Two-point start: a track has the position of its first measurement and no velocity;
-    the second gives the position z_2 and the velocity (z_2 - z_1) / t. A track starts anew after
-    `longest_gap` without a measurement [s].
+    With x and v the prediction at a measurement z, and t the time since the last measurement:
+    x' = x + g (z - x), v' = v + h / t (z - x), as Brookner 1998 writes the gains. Two-point start:
+    a track has the position of its first measurement and no velocity; the second gives the position
+    z_2 and the velocity (z_2 - z_1) / t. A track starts anew after `longest_gap` without a
+    measurement [s].
     """
 
     covariance = None
+    order = 2
 
-    def __init__(
-        self, axes: int, g: float, h: float, k: float | None = None, longest_gap: float = math.inf
-    ):
+    def __init__(self, axes: int, g: float, h: float, longest_gap: float = math.inf):
         self.axes = axes
-        self.motion = MotionModel("CV" if k is None else "CA", axes, noise=0.0)
-        self.order = self.motion.order
-        # Gain of each value at steps of one second, constant and at the second measurement.
-        self.gains = np.array([g, h, 2.0 * (k or 0.0)][: self.order])
-        self.start_gains = np.array([1.0, 1.0, 0.0][: self.order])
+        # Of position and velocity, at steps of one second.
+        self.gains = np.array([g, h])
         self.longest_gap = longest_gap
 
     def begin(self, tracks: int) -> None:
         """See `TrackFilter.begin`."""
-        self.state = np.full((tracks, self.motion.size), np.nan)
+        self.state = np.full((tracks, 2 * self.axes), np.nan)
         # Measurements at different moments so far, and the time since the last one [s].
         self._count = np.zeros(tracks, int)
         self._elapsed = np.zeros(tracks)
 
     def predict(self, dt: float | FloatArray) -> None:
         """See `TrackFilter.predict`."""
-        step = np.broadcast_to(dt, self.tracks)
-        by_axis = self.state.reshape(self.tracks, self.axes, self.order)
-        self.state = (by_axis @ self.motion.transition(step).mT).reshape(self.tracks, -1)
-        self._elapsed = self._elapsed + step
+        self.state[:, ::2] += np.asarray(dt)[..., None] * self.state[:, 1::2]
+        self._elapsed += dt
 
-    def update(self, measurement: ArrayLike, noise: FloatArray | None = None) -> None:
+    def update(self, measurement: FloatArray, noise: FloatArray | None = None) -> None:
         """See `TrackFilter.update`."""
-        values = np.asarray(measurement)
-        measured = ~np.isnan(values[:, 0])
+        measured = ~np.isnan(measurement[:, 0])
         begun = ~np.isnan(self.state[:, 0]) & (self._elapsed <= self.longest_gap)
         first = measured & ~begun
         later = measured & begun
@@ -61,24 +51,24 @@ class GHFilter(TrackFilter):
         passed = later & (self._elapsed > 0.0)
         self._count = np.where(first, 1, self._count + passed)
         per_second = 1.0 / np.where(self._elapsed > 0.0, self._elapsed, np.inf)
-        innovation = values - self.position
+        innovation = measurement - self.position
         gains = self.find_gains(passed, innovation)
-        gains = gains * per_second[:, None, None] ** np.arange(self.order)
+        gains = gains * per_second[:, None, None] ** np.arange(2)
         change = (innovation[:, :, None] * gains).reshape(self.tracks, -1)
         self.state[later] += change[later]
         self.state[first] = 0.0
-        self.state[first, :: self.order] = values[first]
+        self.state[first, ::2] = measurement[first]
         self._elapsed[measured] = 0.0
 
     def find_gains(self, passed: BoolArray, innovation: FloatArray) -> FloatArray:
-        """Return the gains of each value at steps of one second, (B, 1 or d, m).
+        """Return the gains of position and velocity at steps of one second, (B, 1 or d, 2).
 
         Args:
             passed: (B,) whether a track goes on with a measurement of another moment.
             innovation: (B, d) [m], of any value for the other tracks.
         """
         second = passed & (self._count == 2)
-        return np.where(second[:, None, None], self.start_gains, self.gains)
+        return np.where(second[:, None, None], 1.0, self.gains)
 
 
 class AdaptiveFilter(GHFilter):
@@ -104,7 +94,7 @@ class AdaptiveFilter(GHFilter):
         limited: bool = True,
         longest_gap: float = math.inf,
     ):
-        super().__init__(axes, math.nan, math.nan, longest_gap=longest_gap)
+        super().__init__(axes, math.nan, math.nan, longest_gap)
         self.memory, self.limited = memory, limited
 
     def begin(self, tracks: int) -> None:
@@ -136,10 +126,7 @@ class AdaptiveFilter(GHFilter):
         of_line = 2.0 * (2.0 * n - 1.0) / (n * (n + 1.0)), 6.0 / (n * (n + 1.0))
         identified = (self._products > 10)[:, None]
         spread = np.where(identified, self._means[0], 1.0)
-        g, h = (
-            np.where(identified, mean / spread, line)
-            for mean, line in zip(self._means[1:], of_line, strict=True)
-        )
+        g, h = np.where(identified, self._means[1:] / spread, of_line)
         if self.limited:
             g = np.clip(g, 0.0, 1.0)
             h = np.clip(h, 0.0, g**2 / (2.0 - g))

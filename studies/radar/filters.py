@@ -92,9 +92,7 @@ LONGEST_GAP = 4.0
 
 
 def _gh_filter(parameters: Parameters) -> TrackFilter:
-    """The g-h filter, or the g-h-k filter if k is given."""
-    gains = {key: parameters[key] for key in ("g", "h", "k") if key in parameters}
-    return GHFilter(axes=3, **gains, longest_gap=LONGEST_GAP)
+    return GHFilter(axes=3, g=parameters["g"], h=parameters["h"], longest_gap=LONGEST_GAP)
 
 
 def _adaptive_filter(parameters: Parameters) -> TrackFilter:
@@ -158,16 +156,6 @@ CONTENDERS = {
         )
         for name in ("CV", "CA", "CJ")
     },
-    # The thesis names this filter for further work, and does not try it.
-    "g-h-k": Contender(
-        _gh_filter,
-        {
-            "g": (FloatDistribution(0.05, 1.0), 0.6),
-            "h": (FloatDistribution(0.005, 1.2), 0.2),
-            "k": (_log(1e-4, 0.3), 0.01),
-        }
-        | _AVERAGE,
-    ),
     # Finds its gains, and needs no average.
     "adaptive": Contender(_adaptive_filter, {"memory": (_log(5.0, 500.0), 50.0)}),
     # Without averaging; R of the Gaussian noise known, continuous process noise, a prior of the

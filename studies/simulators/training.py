@@ -100,9 +100,9 @@ def draw_sensor(generator: Generator, options: QuickestOptions) -> QuickestOptio
     shortest = round(log_uniform(generator, 12.0, 60.0))
     law = f"{shortest} + geometric {2 * shortest}"
     noise = ("student_t 2", "student_t 4", "gaussian")[generator.choice(3, p=(0.5, 0.25, 0.25))]
-    road = replace(task_of("HybridTrackQuickestRoad-v0").options, ticks=options.ticks)
     return replace(
-        road,
+        task_of("HybridTrackQuickestRoad-v0").options,
+        ticks=options.ticks,
         durations=law,
         noise=noise,
         measurement_variance=log_uniform(generator, 0.3, 3.0) * options.variances[0],
