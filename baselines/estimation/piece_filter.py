@@ -30,7 +30,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from baselines.estimation.turns import STATES, applied, carried, correct, times, turn_of
+from baselines.estimation.turns import STATES, turn_of
 from hybrid_env.checks import BoolArray, FloatArray, IntArray
 from hybrid_env.compiled import compiled, internal
 
@@ -81,6 +81,38 @@ class FilterMemory(NamedTuple):
 
 
 @internal
+def _times(left: FloatArray, right: FloatArray) -> FloatArray:
+    """Return the product of two matrices, the left one with many zeros. Products of so few numbers
+    take less time than calls of a library for matrices.
+    """
+    product = np.zeros((left.shape[0], right.shape[1]))
+    for i in range(left.shape[0]):
+        for k in range(left.shape[1]):
+            if left[i, k] != 0.0:
+                for j in range(right.shape[1]):
+                    product[i, j] += left[i, k] * right[k, j]
+    return product
+
+
+@internal
+def _applied(A: FloatArray, x: FloatArray) -> FloatArray:
+    """Return the product of a matrix and a vector, see `_times`."""
+    product = np.empty(A.shape[0])
+    for i in range(A.shape[0]):
+        total = 0.0
+        for k in range(A.shape[1]):
+            total += A[i, k] * x[k]
+        product[i] = total
+    return product
+
+
+@internal
+def _carried(A: FloatArray, P: FloatArray) -> FloatArray:
+    """Return A P A' of matrices, P symmetric."""
+    return _times(A, _times(A, P).T.copy())
+
+
+@internal
 def _begin(
     x: FloatArray, P: FloatArray, place: int, segments: Segments, speed: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -116,36 +148,100 @@ def _begin(
         slope = acceleration / max(known, math.sqrt(P[2, 2] + P[3, 3]), 1e-12)
         begun[4:6] = acceleration * along
         J[4:6, 2:4] = slope * (np.eye(2) - np.outer(along, along))
-    spread = carried(J, P)
+    spread = _carried(J, P)
     spread[6, 6] += (segments.spread * begun[6]) ** 2
     return begun, spread, J
 
 
 @internal
-def _step(
-    x: FloatArray,
-    P: FloatArray,
-    A: FloatArray,
-    place: int,
-    segments: Segments,
-    measurement: FloatArray,
-    noise: FloatArray,
-    freedom: float,
-    inverse: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]:
-    """Advance state and covariance by a tick of a segment, and write the matrix A (7, 7) of the
-    predicted state by that before; the other arguments and what is returned are those of `correct`.
+def _predict(
+    x: FloatArray, P: FloatArray, A: FloatArray, place: int, segments: Segments
+) -> tuple[FloatArray, FloatArray]:
+    """Return state and covariance after a tick of a segment, and write the matrix (7, 7) of the
+    state by that before.
     """
     A[:6, :6] = segments.F[place]
-    slope = applied(segments.slopes[place], x[:6])
+    slope = _applied(segments.slopes[place], x[:6])
     A[:6, 6] = slope
-    x = applied(A, x)
-    P = carried(A, P)
+    x = _applied(A, x)
+    P = _carried(A, P)
     for i in range(6):
         x[i] += segments.B[place, i] - slope[i] * segments.rates[place]
         for j in range(6):
             P[i, j] += segments.Q[place, i, j]
-    return correct(x, P, measurement, noise, segments.stands[place], freedom, inverse)
+    return x, P
+
+
+@internal
+def _correct(
+    x: FloatArray,
+    P: FloatArray,
+    measurement: FloatArray,
+    noise: FloatArray,
+    stands: bool,
+    freedom: float,
+    inverse: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]:
+    """Return state and covariance after a measurement, the gain (7, m), the innovation (m,), and
+    the log-likelihood without its constant; of Student's t errors that of a normal one with the
+    noise that is used.
+
+    Args:
+        x: (7,) predicted state.
+        P: (7, 7) its covariance.
+        measurement: (m,) position, NaN if there is none [m], and if m is 4 velocity, likewise
+            [m/s].
+        noise: covariance xx, xy, yy of the position [m^2], and variance of a velocity [m^2/s^2].
+        stands: whether the velocity is that of an object that stands.
+        freedom: of Student's t errors; 0 is normal ones.
+        inverse: (m, m) of the covariance of the innovation, 0 of what does not correct the state,
+            written.
+    """
+    inverse[:] = 0.0
+    error = np.zeros(len(measurement))
+    gain = np.zeros((STATES, len(measurement)))
+    if math.isnan(measurement[0]):
+        return x, P, gain, error, 0.0
+    told = len(measurement) > 2 and not math.isnan(measurement[-1])
+    count = 4 if told and not stands else 2
+    error[:count] = measurement[:count] - x[:count]
+    weight = 1.0
+    # To a robust likelihood the noise of a measurement that is far is larger.
+    for _ in range(2 if freedom > 0.0 else 1):
+        xx, xy, yy = noise[:3] / weight
+        if count == 2:
+            a, b, c = P[0, 0] + xx, P[0, 1] + xy, P[1, 1] + yy
+            determinant = a * c - b * b
+            inverse[0, 0], inverse[1, 1] = c / determinant, a / determinant
+            inverse[0, 1] = inverse[1, 0] = -b / determinant
+        else:
+            S = P[:4, :4].copy()
+            S[0, 0], S[0, 1], S[1, 0], S[1, 1] = (
+                S[0, 0] + xx,
+                S[0, 1] + xy,
+                S[1, 0] + xy,
+                S[1, 1] + yy,
+            )
+            S[2, 2] += noise[-1] / weight
+            S[3, 3] += noise[-1] / weight
+            determinant = np.linalg.det(S)
+            inverse[:] = np.linalg.inv(S)
+        distance = float((error * _applied(inverse, error)).sum())
+        weight = min((freedom + count) / (freedom + distance), 1.0)
+    gain[:] = _times(P[:, : len(measurement)], inverse)
+    corrected = np.empty((STATES, STATES))
+    for i in range(STATES):
+        for j in range(i, STATES):
+            left = P[i, j]
+            for k in range(len(measurement)):
+                left -= gain[i, k] * P[k, j]
+            # Rounding errors that are not symmetric would grow.
+            corrected[i, j] = corrected[j, i] = left
+    log_likelihood = -0.5 * (distance + math.log(determinant))
+    if told and stands:
+        square = measurement[2] ** 2 + measurement[3] ** 2
+        log_likelihood -= 0.5 * square / noise[-1] + math.log(noise[-1])
+    return x + _applied(gain, error), corrected, gain, error, log_likelihood
 
 
 @compiled
@@ -157,6 +253,7 @@ def filter_block(
     speed: float,
     freedom: float,
     memory: FilterMemory,
+    known: int,
 ) -> None:
     """Filter the ticks of a block and fill its memory.
 
@@ -168,18 +265,21 @@ def filter_block(
         speed: as in `_begin`.
         freedom: of Student's t errors; 0 is normal ones.
         memory: its first rows have state and covariance before the block.
+        known: number of first ticks that the memory has already.
     """
-    x = memory.states[0].copy()
-    P = memory.covariances[0].copy()
+    x = memory.states[known].copy()
+    P = memory.covariances[known].copy()
     A, J = np.eye(STATES), np.eye(STATES)
-    for k in range(len(measurements) - first):
+    for k in range(known, len(measurements) - first):
         place = segments.places[first + k]
         begins = segments.begins[first + k]
         if begins:
             x, P, J = _begin(x, P, place, segments, speed)
-        seen, noise, inverse = measurements[first + k], noises[first + k], memory.inverses[k]
-        x, P, gain, error, _ = _step(x, P, A, place, segments, seen, noise, freedom, inverse)
+        x, P = _predict(x, P, A, place, segments)
         memory.steps[k] = A @ J if begins else A
+        seen, noise = measurements[first + k], noises[first + k]
+        stands, inverse = segments.stands[place], memory.inverses[k]
+        x, P, gain, error, _ = _correct(x, P, seen, noise, stands, freedom, inverse)
         memory.gains[k] = gain
         memory.errors[k] = error
         memory.states[k + 1] = x
@@ -242,16 +342,16 @@ def compare_begins(
                     place = k if tick >= whole else count + k
                     if tick in (now, whole):
                         y, V, _ = _begin(y, V, place, segments, speed)
-                    seen, noise = measurements[tick], noises[tick]
-                    y, V, _, _, more = _step(
-                        y, V, A, place, segments, seen, noise, freedom, inverse
-                    )
+                    y, V = _predict(y, V, A, place, segments)
+                    seen, noise, stands = measurements[tick], noises[tick], segments.stands[place]
+                    y, V, _, _, more = _correct(y, V, seen, noise, stands, freedom, inverse)
                     log_likelihood += more
                 log_likelihoods[row, g:, (now - begin) // stride + REACH] = log_likelihood
             # The piece before goes on.
             for tick in range(now, now + stride):
-                seen, noise = measurements[tick], noises[tick]
-                x, P, _, _, more = _step(x, P, A, k - 1, segments, seen, noise, freedom, inverse)
+                x, P = _predict(x, P, A, k - 1, segments)
+                seen, noise, stands = measurements[tick], noises[tick], segments.stands[k - 1]
+                x, P, _, _, more = _correct(x, P, seen, noise, stands, freedom, inverse)
                 before += more
 
 
@@ -276,9 +376,38 @@ def compare_modes(
         for mode in range(log_likelihoods.shape[1]):
             x, P, _ = _begin(states[k], covariances[k], mode, modes, speed)
             for tick in range(pieces[k, 0], min(pieces[k, 1], pieces[k, 0] + 10 * REACH)):
-                seen, noise = measurements[tick], noises[tick]
-                x, P, _, _, more = _step(x, P, A, mode, modes, seen, noise, freedom, inverse)
+                x, P = _predict(x, P, A, mode, modes)
+                seen, noise, stands = measurements[tick], noises[tick], modes.stands[mode]
+                x, P, _, _, more = _correct(x, P, seen, noise, stands, freedom, inverse)
                 log_likelihoods[k, mode] += more
+
+
+@internal
+def _smoothed(
+    memory: FilterMemory,
+    k: int,
+    adjoint: FloatArray,
+    information: FloatArray,
+    means: FloatArray,
+    covariances: FloatArray,
+) -> None:
+    """Write state and covariance of tick k of a block, given its later ticks too."""
+    P = memory.covariances[k + 1]
+    means[k] = memory.states[k + 1] - _applied(P, adjoint)
+    covariances[k] = P - _carried(P, information)
+
+
+@internal
+def _go_back(memory: FilterMemory, k: int, adjoint: FloatArray, information: FloatArray) -> None:
+    """Bring what later ticks say to the begin of tick k of a block."""
+    inverse = memory.inverses[k]
+    step = memory.steps[k]
+    seen = step[: len(inverse)]
+    # The step, and what the correction by the measurement leaves of it.
+    left = (step - _times(memory.gains[k], seen)).T.copy()
+    weighted = _times(inverse, seen)
+    adjoint[:] = _applied(left, adjoint) - _applied(weighted.T, memory.errors[k])
+    information[:] = _carried(left, information) + _times(seen.T, weighted)
 
 
 @compiled
@@ -301,15 +430,39 @@ def smooth_block(
         turns: (n, 4) see `turns.TurnEstimate`, written.
     """
     for k in range(len(means) - 1, -1, -1):
-        P = memory.covariances[k + 1]
-        means[k] = memory.states[k + 1] - applied(P, adjoint)
-        covariances[k] = P - carried(P, information)
-        turns[k] = turn_of(means[k], covariances[k])
-        inverse = memory.inverses[k]
-        step = memory.steps[k]
-        seen = step[: len(inverse)]
-        # The step, and what the correction by the measurement leaves of it.
-        left = (step - times(memory.gains[k], seen)).T.copy()
-        weighted = times(inverse, seen)
-        adjoint[:] = applied(left, adjoint) - applied(weighted.T, memory.errors[k])
-        information[:] = carried(left, information) + times(seen.T, weighted)
+        _smoothed(memory, k, adjoint, information, means, covariances)
+        values = turn_of(means[k], covariances[k])
+        for j in range(4):
+            turns[k, j] = values[j]
+        _go_back(memory, k, adjoint, information)
+
+
+@compiled
+def smooth_first(
+    measurements: FloatArray,
+    noises: FloatArray,
+    segments: Segments,
+    speed: float,
+    freedom: float,
+    memory: FilterMemory,
+    last: IntArray,
+    means: FloatArray,
+    covariances: FloatArray,
+) -> None:
+    """Smooth the first tick of a block; the arguments are those of `filter_block` and
+    `smooth_block`.
+
+    The memory is that of a block that began one tick earlier, whose ticks had the segments `last`.
+    """
+    known = 0
+    while known < len(last) - 1 and last[known + 1] == segments.places[known]:
+        known += 1
+    for array in (memory.states, memory.errors):
+        array[:-1] = array[1:].copy()
+    for stack in (memory.covariances, memory.steps, memory.gains, memory.inverses):
+        stack[:-1] = stack[1:].copy()
+    filter_block(measurements, noises, 0, segments, speed, freedom, memory, known)
+    adjoint, information = np.zeros(STATES), np.zeros((STATES, STATES))
+    for k in range(len(measurements) - 1, 0, -1):
+        _go_back(memory, k, adjoint, information)
+    _smoothed(memory, 0, adjoint, information, means, covariances)

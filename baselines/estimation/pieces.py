@@ -14,8 +14,9 @@ from baselines.estimation.piece_filter import (
     compare_modes,
     filter_block,
     smooth_block,
+    smooth_first,
 )
-from baselines.estimation.turns import SPREAD, STATES, turn_matrices
+from baselines.estimation.turns import SPREAD, STATES
 from hybrid_env.checks import AnyArray, BoolArray, FloatArray, IntArray, Moments
 from hybrid_env.compiled import run_compiled
 
@@ -26,6 +27,39 @@ ORDER_OF_BOTH = np.ix_(ORDER, ORDER)
 PIECE_TICKS = 512
 # Times at the begin of a piece in which its curvature may be the mean of that before and its own.
 GRADUAL = np.array([0, 2, 4, 8, 16])
+
+
+def _matrices(rates: FloatArray, tau: float) -> Moments:
+    """Return how turns move in a tick.
+
+    Args:
+        rates: (K,) turn rates [rad/s].
+        tau: length of a tick [s].
+
+    Returns:
+        (K, 6, 6) matrices of position, v and u, as `turns.turn_matrix`, and their derivatives by
+        the turn rates.
+    """
+
+    def matrices(rate: FloatArray) -> FloatArray:
+        angle = rate * tau
+        cosine, sine = np.cos(angle), np.sin(angle)
+        along = tau * np.sinc(angle / np.pi)
+        across = 0.5 * tau * angle * np.sinc(0.5 * angle / np.pi) ** 2
+        F = np.zeros((len(rate), 6, 6))
+        for k in range(2):
+            # A left turn by 90 degrees moves coordinate `other` to k.
+            other, sign = 1 - k, 2.0 * k - 1.0
+            F[:, k, k] = 1.0
+            F[:, k, 2 + k] = along
+            F[:, k, 4 + other] = sign * across
+            F[:, 2 + k, 2 + k] = F[:, 4 + k, 4 + k] = cosine
+            F[:, 2 + k, 4 + other] = F[:, 4 + k, 2 + other] = sign * sine
+        return F
+
+    # A step of the angle of a tick [rad] for which third derivatives have no weight.
+    step = 1e-4 / tau
+    return matrices(rates), (matrices(rates + step) - matrices(rates - step)) / (2.0 * step)
 
 
 @dataclass(eq=False)
@@ -60,6 +94,8 @@ class PieceSmoother:
         """Allocate the memory of a block."""
         self.pieces = np.empty((0, 3), int)
         self.rates, self.radii = np.empty((2, 0))
+        # Modes of the last call of `smooth_first`.
+        self.last: IntArray | None = None
         ticks, m = min(PIECE_TICKS, len(self.measurements)), self.measurements.shape[1]
         self.memory = FilterMemory(
             np.zeros((ticks + 1, STATES)),
@@ -69,7 +105,6 @@ class PieceSmoother:
             np.zeros((ticks, m)),
             np.zeros((ticks, m, m)),
         )
-        self._anchor(*self.begin())
 
     def _segments(self, pieces: IntArray, of_pieces: AnyArray, rates: FloatArray) -> Segments:
         """Return the segments of pieces, (K, 3), with their records `MOTION` and turn rates."""
@@ -82,8 +117,7 @@ class PieceSmoother:
         Q[:, [2, 3], [2, 3]] = self.process_variance
         Q[linear] = of_pieces["Q"][linear][:, own[0], own[1]]
         B = np.where(linear[:, None], of_pieces["B"][:, states], 0.0)
-        F, slopes = np.empty((2, len(rates), 6, 6))
-        run_compiled(turn_matrices, rates, self.tau, F, slopes)
+        F, slopes = _matrices(rates, self.tau)
         F[linear], slopes[linear] = of_pieces["F"][linear][:, own[0], own[1]], 0.0
         begins = np.zeros(len(self.measurements), bool)
         begins[pieces[:, 0]] = True
@@ -97,7 +131,7 @@ class PieceSmoother:
         """Filter the block that begins at a tick, and return the number of its ticks."""
         end = min(first + PIECE_TICKS, len(self.measurements))
         arguments = self.measurements[:end], self.noises, first, segments
-        run_compiled(filter_block, *arguments, self.speed, self.freedom, self.memory)
+        run_compiled(filter_block, *arguments, self.speed, self.freedom, self.memory, 0)
         return end - first
 
     def begin(self) -> Moments:
@@ -189,13 +223,15 @@ class PieceSmoother:
             modes: (T,) of the ticks.
             begins: (T,) True where a segment begins.
         """
-        self._filter(0, self._modes._replace(places=modes, begins=begins))
-        ticks, memory = len(modes), self.memory
-        smoothed = np.empty((ticks, STATES)), np.empty((ticks, STATES, STATES))
-        later = np.zeros(STATES), np.zeros((STATES, STATES))
-        run_compiled(smooth_block, memory, *later, *smoothed, np.empty((ticks, 4)))
-        self._anchor(memory.states[1], memory.covariances[1])
-        return smoothed[0][0, ORDER], smoothed[1][0][ORDER_OF_BOTH]
+        if self.last is None:
+            self.memory.states[1], self.memory.covariances[1] = self.begin()
+            self.last = np.full(len(modes), -1)
+        segments = self._modes._replace(places=modes, begins=begins)
+        means, spreads = np.empty((1, STATES)), np.empty((1, STATES, STATES))
+        arguments = self.measurements, self.noises, segments, self.speed, self.freedom
+        run_compiled(smooth_first, *arguments, self.memory, self.last, means, spreads)
+        self.last = modes
+        return means.take(ORDER), spreads[0][ORDER_OF_BOTH]
 
     def _filtered(
         self, ticks: IntArray, segments: Segments
@@ -277,12 +313,8 @@ class PieceSmoother:
 
 def _curvatures(of_pieces: AnyArray) -> FloatArray:
     """Return 1 / radius of records `MOTION`, 0 of straight motion."""
-    return _reciprocal(of_pieces["signed_radius"])
-
-
-def _reciprocal(values: FloatArray) -> FloatArray:
-    """Return 1 / value of values (K,), 0 of 0."""
-    return np.divide(1.0, values, out=np.zeros(len(values)), where=values != 0.0)
+    radii = of_pieces["signed_radius"]
+    return np.divide(1.0, radii, out=np.zeros(len(radii)), where=radii != 0.0)
 
 
 def _gradual(of_pieces: AnyArray, rates: FloatArray) -> tuple[AnyArray, FloatArray]:
@@ -296,5 +328,7 @@ def _gradual(of_pieces: AnyArray, rates: FloatArray) -> tuple[AnyArray, FloatArr
     def mean(values: FloatArray) -> FloatArray:
         return np.where(turns, 0.5 * (values + np.append(0.0, values[:-1])), values)
 
-    begun["signed_radius"][turns] = _reciprocal(mean(_curvatures(of_pieces)))[turns]
+    means = mean(_curvatures(of_pieces))
+    radii = np.divide(1.0, means, out=np.zeros(len(means)), where=means != 0.0)
+    begun["signed_radius"][turns] = radii[turns]
     return begun, mean(rates)

@@ -44,38 +44,6 @@ class TurnEstimate(NamedTuple):
 
 
 @internal
-def times(left: FloatArray, right: FloatArray) -> FloatArray:
-    """Return the product of two matrices, the left one with many zeros. Products of so few numbers
-    take less time than calls of a library for matrices.
-    """
-    product = np.zeros((left.shape[0], right.shape[1]))
-    for i in range(left.shape[0]):
-        for k in range(left.shape[1]):
-            if left[i, k] != 0.0:
-                for j in range(right.shape[1]):
-                    product[i, j] += left[i, k] * right[k, j]
-    return product
-
-
-@internal
-def applied(A: FloatArray, x: FloatArray) -> FloatArray:
-    """Return the product of a matrix and a vector, see `times`."""
-    product = np.empty(A.shape[0])
-    for i in range(A.shape[0]):
-        total = 0.0
-        for k in range(A.shape[1]):
-            total += A[i, k] * x[k]
-        product[i] = total
-    return product
-
-
-@internal
-def carried(A: FloatArray, P: FloatArray) -> FloatArray:
-    """Return A P A' of matrices, P symmetric."""
-    return times(A, times(A, P).T.copy())
-
-
-@internal
 def turn_matrix(rate: float, seconds: float) -> FloatArray:
     """Return the matrix (6, 6) by which positions, v and u move in a time without noise."""
     cosine, sine, along, across = turn_coefficients(rate * seconds)
@@ -128,91 +96,6 @@ def turned_estimate(
 
 
 @compiled
-def turn_matrices(rates: FloatArray, tau: float, F: FloatArray, slopes: FloatArray) -> None:
-    """Write the matrices (K, 6, 6) of turn rates (K,) and a tick, see `turn_matrix`, and their
-    derivatives by the turn rates.
-    """
-    # A step of the angle of a tick [rad] for which third derivatives have no weight.
-    step = 1e-4 / tau
-    for k in range(rates.size):
-        F[k] = turn_matrix(rates[k], tau)
-        change = turn_matrix(rates[k] + step, tau) - turn_matrix(rates[k] - step, tau)
-        slopes[k] = change / (2.0 * step)
-
-
-@internal
-def correct(
-    x: FloatArray,
-    P: FloatArray,
-    measurement: FloatArray,
-    noise: FloatArray,
-    stands: bool,
-    freedom: float,
-    inverse: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]:
-    """Return state and covariance after a measurement, the gain (7, m), the innovation (m,), and
-    the log-likelihood without its constant; of Student's t errors that of a normal one with the
-    noise that is used.
-
-    Args:
-        x: (7,) predicted state.
-        P: (7, 7) its covariance.
-        measurement: (m,) position, NaN if there is none [m], and if m is 4 velocity, likewise
-            [m/s].
-        noise: covariance xx, xy, yy of the position [m^2], and variance of a velocity [m^2/s^2].
-        stands: whether the velocity is that of an object that stands.
-        freedom: of Student's t errors; 0 is normal ones.
-        inverse: (m, m) of the covariance of the innovation, 0 of what does not correct the state,
-            written.
-    """
-    inverse[:] = 0.0
-    error = np.zeros(len(measurement))
-    gain = np.zeros((STATES, len(measurement)))
-    if math.isnan(measurement[0]):
-        return x, P, gain, error, 0.0
-    told = len(measurement) > 2 and not math.isnan(measurement[-1])
-    count = 4 if told and not stands else 2
-    error[:count] = measurement[:count] - x[:count]
-    weight = 1.0
-    # To a robust likelihood the noise of a measurement that is far is larger.
-    for _ in range(2 if freedom > 0.0 else 1):
-        xx, xy, yy = noise[:3] / weight
-        if count == 2:
-            a, b, c = P[0, 0] + xx, P[0, 1] + xy, P[1, 1] + yy
-            determinant = a * c - b * b
-            inverse[0, 0], inverse[1, 1] = c / determinant, a / determinant
-            inverse[0, 1] = inverse[1, 0] = -b / determinant
-        else:
-            S = P[:4, :4].copy()
-            S[0, 0], S[0, 1], S[1, 0], S[1, 1] = (
-                S[0, 0] + xx,
-                S[0, 1] + xy,
-                S[1, 0] + xy,
-                S[1, 1] + yy,
-            )
-            S[2, 2] += noise[-1] / weight
-            S[3, 3] += noise[-1] / weight
-            determinant = np.linalg.det(S)
-            inverse[:] = np.linalg.inv(S)
-        distance = float((error * applied(inverse, error)).sum())
-        weight = min((freedom + count) / (freedom + distance), 1.0)
-    gain[:] = times(P[:, : len(measurement)], inverse)
-    corrected = np.empty((STATES, STATES))
-    for i in range(STATES):
-        for j in range(i, STATES):
-            left = P[i, j]
-            for k in range(len(measurement)):
-                left -= gain[i, k] * P[k, j]
-            # Rounding errors that are not symmetric would grow.
-            corrected[i, j] = corrected[j, i] = left
-    log_likelihood = -0.5 * (distance + math.log(determinant))
-    if told and stands:
-        square = measurement[2] ** 2 + measurement[3] ** 2
-        log_likelihood -= 0.5 * square / noise[-1] + math.log(noise[-1])
-    return x + applied(gain, error), corrected, gain, error, log_likelihood
-
-
-@compiled
 def _advance(
     states: FloatArray,
     covariances: FloatArray,
@@ -227,16 +110,32 @@ def _advance(
     """Predict states first .. last - 1 of (B, 7) by a tick, correct those with a position (B, 2),
     of noise (B, 3) xx, xy, yy, NaN is none, and write their turns (B, 4).
     """
-    inverse = np.empty((2, 2))
     for b in range(first, last):
         state, covariance = turned_estimate(states[b], covariances[b], tau)
         covariance[2, 2] += process_variance
         covariance[3, 3] += process_variance
-        seen, noise = positions[b], noises[b]
-        state, covariance, _, _, _ = correct(state, covariance, seen, noise, False, 0.0, inverse)
+        xx = covariance[0, 0] + noises[b, 0]
+        xy = covariance[0, 1] + noises[b, 1]
+        yy = covariance[1, 1] + noises[b, 2]
+        determinant = xx * yy - xy * xy
+        # This is False for a covariance that is NaN, too.
+        if determinant > 0.0 and not math.isnan(positions[b, 0] + positions[b, 1]):
+            error_x = positions[b, 0] - state[0]
+            error_y = positions[b, 1] - state[1]
+            by_x = covariance[:, 0].copy()
+            by_y = covariance[:, 1].copy()
+            gain_x = (yy * by_x - xy * by_y) / determinant
+            gain_y = (xx * by_y - xy * by_x) / determinant
+            state += gain_x * error_x + gain_y * error_y
+            for i in range(STATES):
+                for j in range(STATES):
+                    covariance[i, j] -= gain_x[i] * by_x[j] + gain_y[i] * by_y[j]
         states[b] = state
-        covariances[b] = covariance
-        turns[b] = turn_of(state, covariance)
+        # Rounding errors that are not symmetric would grow.
+        covariances[b] = 0.5 * (covariance + covariance.T)
+        values = turn_of(state, covariances[b])
+        for k in range(4):
+            turns[b, k] = values[k]
 
 
 def begin_turn(
