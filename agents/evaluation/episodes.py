@@ -129,7 +129,7 @@ def timeline(task: Task, history: History) -> dict[str, Any]:
         switches = np.cumsum(lengths) - lengths
         since = np.arange(len(history.stated)) - np.repeat(switches, lengths)
         return {
-            # From its tick to the end of the segment.
+            # A declaration holds from its tick to the end of the segment.
             "modes": np.where(since < np.repeat(ticks, lengths), NO_MODE, history.stated),
             "right": np.repeat(correct, lengths),
             "marks": switches + ticks - 1,

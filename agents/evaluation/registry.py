@@ -147,7 +147,11 @@ def check_name(name: Any, switches: str, further: Sequence[str] = ()) -> None:
     if not isinstance(base, str):
         return
     known = (*rules(switches), *shipped_names(switches), *installed_deciders(), *further)
-    if base in known or base.endswith(".zip") or Path(base).is_dir():
+    if base in known or Path(base).is_dir():
+        return
+    if base.endswith(".zip"):
+        if not Path(base).is_file():
+            raise reject("decider", name, "a file that exists")
         return
     before, _, text = base.rpartition(":")
     of_policy = before.endswith(".zip")

@@ -191,6 +191,7 @@ class ActorDecider(NetworkDecider):
         if actor.actions not in choices:
             raise reject("actions", actor.actions, f"those of {M} hypotheses")
         self.choices = choices[actor.actions]
+        self.generator = np.random.default_rng(0)
         if actor.values:
             self.symbol = "value difference"
             # In units of the reward.
@@ -206,19 +207,29 @@ class ActorDecider(NetworkDecider):
         logits, state = self.actor(torch.as_tensor(rows), state, episode_start)
         return logits.numpy().astype(np.float64), state
 
-    def choose(self, logits: FloatArray, rows: Observations) -> Actions:
+    def sample(self, logits: FloatArray) -> FloatArray:
+        """Return logits (N, actions) with noise, the largest of which is a sample of the policy."""
+        return logits + self.generator.gumbel(size=logits.shape)
+
+    def choose(self, logits: FloatArray, observation: Observations, deterministic: bool) -> Actions:
         """Return the actions (N,), from logits (N, actions) and observation rows (N, width)."""
         raise NotImplementedError
 
-    def decide(
-        self, observation: Observations, state: Any, episode_start: Any
+    def predict(
+        self,
+        observation: Observations,
+        state: Any = None,
+        episode_start: Any = None,
+        deterministic: bool = True,
     ) -> tuple[Actions, Any]:
-        """See `Decider.decide`. Only an LSTM policy has a state."""
+        """See `Decider.predict`. Only an LSTM policy has a state. Sampling ignores the
+        threshold.
+        """
         if observation.shape[1:] != (self.actor.width,):
             allowed = f"(N, {self.actor.width}), as in training"
             raise reject("observation shape", observation.shape, allowed)
         logits, state = self.logits(observation, state, episode_start)
-        return self.choose(logits, observation), state
+        return self.choose(logits, observation, deterministic), state
 
     def select_tracks(self, state: Any, tracks: BoolArray) -> Any:
         return None if state is None else tuple(part[:, torch.from_numpy(tracks)] for part in state)
@@ -240,12 +251,14 @@ class PolicyDecider(ActorDecider):
         *(0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0),
     )
 
-    def choose(self, logits: FloatArray, rows: Observations) -> Actions:
+    def choose(self, logits: FloatArray, observation: Observations, deterministic: bool) -> Actions:
+        if not deterministic:
+            logits = self.sample(logits)
         best = logits[:, 1:].argmax(1)
         odds = logits[np.arange(len(logits)), best + 1] - logits[:, 0]
-        log_ratio = Layout.of_rows(rows).read(rows, "log_ratio")
+        log_ratio = Layout.of_rows(observation).read(observation, "log_ratio")
         declare = np.where(self.choices == best[:, None], log_ratio, -np.inf).argmax(-1)
-        return np.where(odds > self.threshold, declare + 1, 0)
+        return np.where(odds > (self.threshold if deterministic else 0.0), declare + 1, 0)
 
     def panel(self) -> EvidencePanel:
         """Return the panel of `evidence`; one curve for all hypotheses if the bank chooses the
@@ -273,10 +286,12 @@ class StatementPolicyDecider(ActorDecider):
     task = UNKNOWN
     thresholds = 0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 13.0, 16.0, 20.0
 
-    def choose(self, logits: FloatArray, rows: Observations) -> Actions:
+    def choose(self, logits: FloatArray, observation: Observations, deterministic: bool) -> Actions:
         """See `ActorDecider.choose`; action i states mode i."""
+        if not deterministic:
+            return self.sample(logits).argmax(1)
         best = logits.argmax(1)
-        stated, started = read_statement(rows)
+        stated, started = read_statement(observation)
         tracks = np.arange(len(logits))
         odds = logits[tracks, best] - logits[tracks, stated]
         return np.where((odds > self.threshold) | ~started, best, stated)

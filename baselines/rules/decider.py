@@ -140,15 +140,15 @@ class Decider:
         episode_start: BoolArray | None = None,
         deterministic: bool = True,
     ) -> Answer:
-        """Return the actions of N tracks for one step. A decider of the package has `decide` or
-        `act` instead.
+        """Return the actions of N tracks for one step. A rule whose actions are never random has
+        `decide` or `act` instead.
 
         Args:
             observation: (N, width) rows of the environment, see its docstring, or what `observe`
                 returned.
             state: the state that the previous call returned; None at the first step.
             episode_start: (N,) True where an episode begins.
-            deterministic: as in Stable-Baselines3; no decider of the package acts at random.
+            deterministic: if False, a stochastic decider samples its actions.
 
         Returns:
             (N,) actions of the environment (in `HybridTrackEnv` 0 waits and i + 1 declares

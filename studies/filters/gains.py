@@ -82,9 +82,9 @@ class AdaptiveFilter(GHFilter):
         g = M[(3 nu_1 - 3 nu_2 + nu_3 - D^3 x_e) nu] / M[nu nu]
         h = M[(3 nu_1 - 6 nu_2 + 4 nu_3 - nu_4 - T D^3 v_e) nu] / M[nu nu]
 
-    The first gains are those of a line fit. If `limited`, which the paper does not state, they are
-    those of a stable filter, 0 <= g <= 1 and 0 <= h <= g^2 / (2 - g). With a `memory` M is an
-    exponential mean over this number of measurements.
+    Up to ten products the gains are those of a line fit. If `limited`, which the paper does not
+    state, they are those of a stable filter, 0 <= g <= 1 and 0 <= h <= g^2 / (2 - g). With a
+    `memory` M is an exponential mean over this number of measurements.
     """
 
     def __init__(
