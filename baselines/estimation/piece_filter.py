@@ -82,15 +82,14 @@ class FilterMemory(NamedTuple):
 
 @internal
 def _times(left: FloatArray, right: FloatArray) -> FloatArray:
-    """Return the product of two matrices, the left one with many zeros. Products of so few numbers
-    take less time than calls of a library for matrices.
+    """Return the product of a matrix (n, m) and a matrix (m, 7). Products of so few numbers take
+    less time than calls of a library for matrices.
     """
-    product = np.zeros((left.shape[0], right.shape[1]))
+    product = np.zeros((left.shape[0], STATES))
     for i in range(left.shape[0]):
         for k in range(left.shape[1]):
-            if left[i, k] != 0.0:
-                for j in range(right.shape[1]):
-                    product[i, j] += left[i, k] * right[k, j]
+            for j in range(STATES):
+                product[i, j] += left[i, k] * right[k, j]
     return product
 
 
@@ -108,8 +107,21 @@ def _applied(A: FloatArray, x: FloatArray) -> FloatArray:
 
 @internal
 def _carried(A: FloatArray, P: FloatArray) -> FloatArray:
-    """Return A P A' of matrices, P symmetric."""
-    return _times(A, _times(A, P).T.copy())
+    """Return A P A' of matrices of the state, P symmetric."""
+    carried = np.empty((STATES, STATES))
+    row = np.empty(STATES)
+    for i in range(STATES):
+        row[:] = 0.0
+        for k in range(STATES):
+            if A[i, k] != 0.0:
+                for j in range(STATES):
+                    row[j] += A[i, k] * P[k, j]
+        for j in range(i, STATES):
+            total = 0.0
+            for k in range(STATES):
+                total += row[k] * A[j, k]
+            carried[i, j] = carried[j, i] = total
+    return carried
 
 
 @internal
@@ -160,16 +172,21 @@ def _predict(
     """Return state and covariance after a tick of a segment, and write the matrix (7, 7) of the
     state by that before.
     """
-    A[:6, :6] = segments.F[place]
-    slope = _applied(segments.slopes[place], x[:6])
-    A[:6, 6] = slope
-    x = _applied(A, x)
+    predicted = x.copy()
+    for i in range(6):
+        slope = 0.0
+        for j in range(6):
+            A[i, j] = segments.F[place, i, j]
+            slope += segments.slopes[place, i, j] * x[j]
+        A[i, 6] = slope
+        predicted[i] = segments.B[place, i] + slope * (x[6] - segments.rates[place])
+        for j in range(6):
+            predicted[i] += A[i, j] * x[j]
     P = _carried(A, P)
     for i in range(6):
-        x[i] += segments.B[place, i] - slope[i] * segments.rates[place]
         for j in range(6):
             P[i, j] += segments.Q[place, i, j]
-    return x, P
+    return predicted, P
 
 
 @internal
@@ -208,7 +225,7 @@ def _correct(
     weight = 1.0
     # To a robust likelihood the noise of a measurement that is far is larger.
     for _ in range(2 if freedom > 0.0 else 1):
-        xx, xy, yy = noise[:3] / weight
+        xx, xy, yy = noise[0] / weight, noise[1] / weight, noise[2] / weight
         if count == 2:
             a, b, c = P[0, 0] + xx, P[0, 1] + xy, P[1, 1] + yy
             determinant = a * c - b * b
@@ -226,22 +243,29 @@ def _correct(
             S[3, 3] += noise[-1] / weight
             determinant = np.linalg.det(S)
             inverse[:] = np.linalg.inv(S)
-        distance = float((error * _applied(inverse, error)).sum())
+        distance = 0.0
+        for i in range(count):
+            for j in range(count):
+                distance += error[i] * inverse[i, j] * error[j]
         weight = min((freedom + count) / (freedom + distance), 1.0)
-    gain[:] = _times(P[:, : len(measurement)], inverse)
-    corrected = np.empty((STATES, STATES))
+    corrected = x.copy()
+    covariance = np.empty((STATES, STATES))
     for i in range(STATES):
+        for j in range(count):
+            for k in range(count):
+                gain[i, j] += P[i, k] * inverse[k, j]
+            corrected[i] += gain[i, j] * error[j]
         for j in range(i, STATES):
             left = P[i, j]
-            for k in range(len(measurement)):
+            for k in range(count):
                 left -= gain[i, k] * P[k, j]
             # Rounding errors that are not symmetric would grow.
-            corrected[i, j] = corrected[j, i] = left
+            covariance[i, j] = covariance[j, i] = left
     log_likelihood = -0.5 * (distance + math.log(determinant))
     if told and stands:
         square = measurement[2] ** 2 + measurement[3] ** 2
         log_likelihood -= 0.5 * square / noise[-1] + math.log(noise[-1])
-    return x + _applied(gain, error), corrected, gain, error, log_likelihood
+    return corrected, covariance, gain, error, log_likelihood
 
 
 @compiled
