@@ -204,31 +204,42 @@ def _copy_branch(
 
 
 @internal
-def _mixture_of(
-    branches: Branches, track: int, shares: FloatArray, total: float
-) -> tuple[State, Triangle4]:
-    """Return mean and covariance of the branches of a track, weighted by shares (branches,) of a
-    total.
+def _moments_of(branches: Branches, track: int) -> FloatArray:
+    """Return estimates and second moments of the branches of a track about the estimate of the
+    first one, which is the most probable: (branches, 14), as in `estimate_in`.
     """
-    # Mean, then the upper triangle of the covariance.
-    moments = np.zeros(14)
+    moments = np.empty((branches.counts[track], 14))
+    filters = branches.filters[track]
+    first = estimate_of(filters, 0, 0)
     difference = np.empty(4)
-    for b in range(shares.size):
-        if shares[b] > 0.0:
-            for k, value in enumerate(estimate_of(branches.filters[track], b // LANES, b % LANES)):
-                moments[k] += shares[b] / total * value
-    for b in range(shares.size):
-        if shares[b] > 0.0:
-            for k, value in enumerate(estimate_of(branches.filters[track], b // LANES, b % LANES)):
-                difference[k] = value - moments[k]
-            entries = covariance_of(branches.filters[track, b // LANES], b % LANES)
-            k = 0
-            for row in range(4):
-                for column in range(row, 4):
-                    product = difference[row] * difference[column]
-                    moments[4 + k] += shares[b] / total * (entries[k] + product)
-                    k += 1
-    return estimate_in(moments)
+    for b in range(moments.shape[0]):
+        for k, value in enumerate(estimate_of(filters, b // LANES, b % LANES)):
+            moments[b, k] = difference[k] = value - first[k]
+        entries = covariance_of(filters[b // LANES], b % LANES)
+        k = 0
+        for row in range(4):
+            for column in range(row, 4):
+                moments[b, 4 + k] = entries[k] + difference[row] * difference[column]
+                k += 1
+    return moments
+
+
+@internal
+def _mixture_of(
+    moments: FloatArray, first: State, shares: FloatArray, total: float
+) -> tuple[State, Triangle4]:
+    """Return mean and covariance of branches weighted by shares (branches,) of a total; their
+    moments are those of `_moments_of`, about the estimate `first`.
+    """
+    mixed = shares @ moments / total
+    k = 4
+    for row in range(4):
+        for column in range(row, 4):
+            mixed[k] -= mixed[row] * mixed[column]
+            k += 1
+    for k in range(4):
+        mixed[k] += first[k]
+    return estimate_in(mixed)
 
 
 @internal
@@ -298,6 +309,7 @@ def _switch(
     modes = model.motions.size
     histories = branches.histories[track]
     shares = np.zeros(weights.size)
+    moments, first = _moments_of(branches, track), estimate_of(branches.filters[track], 0, 0)
     for mode in range(modes):
         groups = 0
         for b in range(weights.size):
@@ -328,7 +340,7 @@ def _switch(
                 parent = b if parent < 0 else parent
                 same = _agreement(histories[b].segments, histories[parent].segments)
                 agreed = min(agreed, same)
-            anchor, covariance = _mixture_of(branches, track, shares, total)
+            anchor, covariance = _mixture_of(moments, first, shares, total)
             slot = free[mode] if learns else 0
             weight = math.log(total)
             begin_branch(children, 0, count, mode, LATER, slot, anchor, covariance, weight, model)
@@ -498,9 +510,9 @@ def walk_branches(
         # Far less probable ones are left out; one that explains less for a while may be right.
         while not model.joined and weights[order[kept - 1]] - smallest > 150.0:
             kept -= 1
-        total = 0.0
-        for k in range(kept):
-            total += math.exp(smallest - weights[order[k]])
+        probabilities = np.exp(smallest - weights[order[:kept]])
+        total = probabilities.sum()
+        probabilities /= total
         shift = smallest - math.log(total)
         log_probability[track] = 0.0
         # Before their parents are overwritten.
@@ -521,7 +533,7 @@ def walk_branches(
             _copy_branch(children, 0, c, branches, track, k)
             log_weight = shift - weights[c]
             branches.filters[track, k // LANES].log_likelihood[k % LANES] = log_weight
-            log_probability[track, children.histories[0, c].mode] += math.exp(log_weight)
+            log_probability[track, children.histories[0, c].mode] += probabilities[k]
         branches.counts[track] = kept
         branches.evidence[track] -= shift
         for mode in range(log_probability.shape[1]):
@@ -533,6 +545,5 @@ def walk_branches(
             begun = history.segments[0] - number * model.motions.size
             walk.nodes[tick, track, b] = begun * groups_of(capacity, model) + history.parents
             walk.groups[tick, track, b] = history.group
-            log_weight = branches.filters[track, b // LANES].log_likelihood[b % LANES]
-            weight = math.exp(log_weight)
-            walk.weights[tick, track, b] = weight if weight > SMALLEST else 0.0
+            likely = probabilities[b] > SMALLEST
+            walk.weights[tick, track, b] = probabilities[b] if likely else 0.0

@@ -236,7 +236,8 @@ def _smooth(
         shares = np.empty(endings.size)
         for kind in range(kinds):
             begun = alive[k * kinds + kind]
-            if begun == 0.0:
+            # What is less probable stays where it is.
+            if begun < 1e-12:
                 continue
             mode = kind // most
             total = 0.0
