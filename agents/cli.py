@@ -21,7 +21,7 @@ import tyro
 
 from agents import commands
 from agents.commands import COMMANDS, EXAMPLES
-from agents.interface.help_texts import ENV_HELP, description, parse_flags
+from agents.interface.help_texts import ENV_HELP, ENVIRONMENT, description, parse_flags
 from hybrid_env.checks import ArgumentError, check_fields, unknown
 
 
@@ -69,6 +69,11 @@ def _parse(command: Any, program: str, arguments: Sequence[str]) -> Any:
     """Return a command with the flags of its command line; raise `ArgumentError` for a flag that
     does not exist.
     """
+    if ENV_HELP in arguments and ENVIRONMENT in getattr(command, "GROUPS", {}):
+        from agents.interface.world_arguments import print_options
+
+        print_options(arguments)
+        raise SystemExit(0)
     known, values = ["--help"], []
     for field in dataclasses.fields(command):
         name = field.name.replace("_", "-")

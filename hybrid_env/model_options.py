@@ -34,40 +34,40 @@ class ModelOptions(Checked):
     object may turn by 100 rad per tick and move by 10^9 standard deviations of a measurement.
 
     Attributes:
-        radii: turn radii of the bank [m], each as a left and as a right turn: M = 2 n + 1
-            hypotheses of n radii. The short form of `modes`.
-        modes: modes of object and bank, see `hybrid_env.modes`: "straight, left 5, turn rate 0.2,
-            stop, accelerate 1", or a sequence of names and of mode objects. With them `radii` has
-            no effect. None is straight motion and the turns of `radii`. With "climb 5" or "descend
-            5" [m/s] among them a hypothesis is a pair of modes, of the plane and of the height,
-            whose first value is 0, measured with an error of its own.
+        radii: turn radii of the bank [m], each to the left and to the right. M = 2 n + 1 hypotheses
+            of n radii, the short form of `modes`.
+        modes: modes of object and bank, as "straight, left 5, stop", see `hybrid_env.modes`. Also
+            "turn rate 0.2", "accelerate 1", or a sequence of names and of mode objects. With them
+            `radii` has no effect. None is straight motion and the turns of `radii`. With "climb 5"
+            or "descend 5" [m/s] among them a hypothesis is a pair of modes, of the plane and of the
+            height, whose first value is 0, measured with an error of its own.
         speed: initial speed of the object [m/s].
-        heading: initial heading of the object [rad], counter-clockwise from the x axis; None means
+        heading: initial heading of the object [rad], counter-clockwise from the x axis. None draws
             a uniform one.
         tau: length of a tick [s].
         process_variance: Q, variance of the noise added to each velocity at every tick [m^2/s^2].
-        object_variance: the same of the object, of which the filters are not told; (smallest,
+        object_variance: Q of the object, of which the filters are not told [m^2/s^2]. (smallest,
             largest) draws it for every episode, uniform in its logarithm. None is Q.
-        drift_variance: variance of the drift of each measured coordinate in a tick [m^2], as of a
-            GPS, that anchor-aware and IMM filters assume; measurements have none.
+        drift_variance: variance of the drift of each measured coordinate in a tick [m^2]. The
+            anchor-aware and the IMM filters assume it, as of a GPS; measurements have none.
         measurement_variance: R, variance of each measured coordinate [m^2], one number or (x, y).
         climb_variance: variance of the noise added to the vertical rate at every tick [m^2/s^2].
         height_variance: variance of a measured height [m^2], whose errors are normal.
-        noise: law of the errors of measurements in units of sqrt(R), see `hybrid_env.noises`:
-            "gaussian", "outliers 0.02", "levy 1.5 1 44", "student_t 3", or a law object. The bank
-            does not know it.
-        missed: probability that a tick has no measurement (of each sensor, if there are several),
-            below 1. The filters then only predict; in the observation all innovations are zero, and
+        noise: law of the errors of measurements in units of sqrt(R), as "student_t 3", see
+            `hybrid_env.noises`. Also "gaussian", "outliers 0.02", "levy 1.5 1 44", or a law object.
+            The bank does not know it.
+        missed: probability that a tick has no measurement, below 1. Of each sensor, if there are
+            several. The filters then only predict; in the observation all innovations are zero, and
             `info` has no "measurement".
-        sensors: position sensors and radars (`hybrid_env.Sensor`, `Radar`, or texts: "0.4 period 5
-            range 30 at 10 20", "radar 5 0.01 rate 0.3") that replace the one of variance R and are
-            fused; a tick in which none measures is like a missed one. R, one number, stays the unit
-            of the observation.
-        likelihood: law of the innovations that the bank assumes, and rules with filters of their
-            own: "gaussian", or "student_t 4" for a robust one, by which a measurement far from all
+        sensors: position sensors and radars, as "0.4 period 5 range 30 at 10 20" and "radar 5 0.01
+            rate 0.3". They are `hybrid_env.Sensor` and `Radar`, replace the one of variance R and
+            are fused; a tick in which none measures is like a missed one. R, one number, stays the
+            unit of the observation.
+        likelihood: law of the innovations that the bank assumes, "gaussian" or "student_t 4". Rules
+            with filters of their own assume it too. By Student's t a measurement far from all
             predictions changes little (`core.banks.sensing`).
-        initial_error: (position variance of the first estimate / R, its velocity variance
-            [m^2/s^2]) of a normal error; 0 starts at the true state.
+        initial_error: variance of the first position over R, and of the first velocity [m^2/s^2].
+            The errors are normal; 0 starts at the true state.
         decide_every: ticks between two decisions. With announced switches a wait lasts to the next
             multiple of it within the segment, or to the end of the segment, and the first decision
             of a segment comes at that tick; with unknown switches a statement holds for so many

@@ -27,10 +27,9 @@ def parse_flags(kind: Any, program: str, arguments: Sequence[str]) -> Any:
     """Return a dataclass with the flags of a command line.
 
     `GROUPS` of the dataclass are the boxes of its help: the names of their flags by title. The
-    flags of the environment, but `--env`, are shown by `--env-help` only.
+    flags of the environment, but `--env`, are no part of it: `--env-help` prints them.
     """
-    asks_usual = not {"-h", "--help"}.isdisjoint(arguments)
-    asks_environment = ENV_HELP in arguments and ENVIRONMENT in _groups(kind)
+    asks_help = not {"-h", "--help"}.isdisjoint(arguments)
     # tyro does not wrap them, and joins lines that do not begin with a space.
     wrapped = textwrap.TextWrapper(
         shutil.get_terminal_size().columns, initial_indent=" ", subsequent_indent=" "
@@ -38,9 +37,9 @@ def parse_flags(kind: Any, program: str, arguments: Sequence[str]) -> Any:
     lines = description(kind.__doc__).split("\n\n")
     values = vars(
         tyro.cli(
-            grouped(kind, asks_usual, asks_environment),
+            grouped(kind, asks_help),
             prog=program,
-            args=["--help"] if asks_environment else arguments,
+            args=arguments,
             description="\n".join(map(wrapped.fill, lines)),
             # A flag is left out, not given as "None".
             config=(tyro.conf.DisallowNone,),
@@ -57,9 +56,9 @@ def description(docstring: str | None) -> str:
 
 
 @functools.cache
-def grouped(kind: Any, only_usual: bool = False, only_environment: bool = False) -> Any:
+def grouped(kind: Any, only_usual: bool = False) -> Any:
     """Return a dataclass for `tyro.cli` whose fields are the flags without a group, and for each
-    group a dataclass of its flags; without the flags of the environment, or only with those.
+    group a dataclass of its flags; `only_usual` is without the flags of the environment.
     """
     groups, hints = _groups(kind), _shown_flags(kind)
     flags: dict[str, list[Any]] = {title: [] for title in ("", *groups)}
@@ -68,16 +67,15 @@ def grouped(kind: Any, only_usual: bool = False, only_environment: bool = False)
     # Within a group in its order.
     for name in dict.fromkeys((*titles, *fields)):
         title, hint, field = titles.get(name, ""), hints[name], fields[name]
-        left_out = only_usual if title == ENVIRONMENT else only_environment
-        if left_out and name != "env":
+        if only_usual and title == ENVIRONMENT and name != "env":
             # Neither shown nor parsed.
             hint = Annotated[hint, tyro.conf.Suppress]
         default = dataclasses.field(default=field.default, default_factory=field.default_factory)
         flags[title].append((field.name, hint, default))
     boxes = flags.pop("")
-    folded = f"{ENV_HELP} lists the flags of its options."
+    folded = f"{ENV_HELP} lists its options with their defaults."
     for title, inner in flags.items():
-        text = folded if title == ENVIRONMENT and not only_environment else ""
+        text = folded if title == ENVIRONMENT else ""
         box = dataclasses.make_dataclass(title, inner, kw_only=True)
         boxes.append((title, Annotated[box, tyro.conf.arg(help=text)], dataclasses.field()))
     return dataclasses.make_dataclass(kind.__name__, boxes, kw_only=True)

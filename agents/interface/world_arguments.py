@@ -1,15 +1,20 @@
 """Environment options as command-line flags, shared by all commands that create an environment."""
 
+import argparse
 import contextlib
 import dataclasses
 import os
-import re
 import typing
 from collections.abc import Iterator, Mapping, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
+
+from rich import box
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
 
 from agents.interface.help_texts import ENVIRONMENT, field_texts, shown_default
 from hybrid_env.checks import declared_fields, reject, unknown
@@ -31,25 +36,28 @@ def _text(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def _flag(kind: type, field: dataclasses.Field[Any], hint: Any) -> Any:
-    """Return the type of the flag of an option, with its description and its defaults."""
-    # A law is given as a text.
-    name, plain = field.name, str if str in typing.get_args(hint) else hint
-    if name == "sensors":
-        plain = tuple[str, ...]
-    text = field_texts(kind)[name]
-    unless_given = re.search(r"None (?:draws|is|means) ([^.;]+)", text)
-    # For callers in Python.
-    text = re.sub(r"[;.] None [^.;]*|, or a (?:law|scheme|sequence .*) objects?", "", text)
-    only = "" if kind is WorldOptions else "HybridTrackQuickest-v0: "
-    defaults = [unless_given[1] if unless_given else _text(field.default) or "none"]
-    defaults += [
-        f"{_text(options[name])} in {env_id}"
-        for env_id, options in ENVIRONMENTS.items()
-        if name in options
-    ]
-    shown = shown_default("; ".join(defaults), help=only + text[0].upper() + text[1:])
-    return Annotated[plain if plain is bool else plain | None, shown]
+def options_table(env_id: str) -> Table:
+    """Return the options of a registered id with their defaults, and the first sentence of the
+    description of each.
+    """
+    kind: Any = environment_options(env_id)
+    own = ENVIRONMENTS[env_id.rpartition(":")[2]]
+    heads = "option", "", "default"
+    title = f"Options of {env_id}"
+    table = Table(*heads, title=title, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for field in dataclasses.fields(kind):
+        text = field_texts(kind)[field.name].partition(". ")[0].rstrip(".")
+        default = own.get(field.name, field.default)
+        flag = f"--{field.name.replace('_', '-')}"
+        table.add_row(flag, escape(text), "" if default is None else _text(default))
+    return table
+
+
+def print_options(arguments: Sequence[str]) -> None:
+    """Print the options of the environment that a command line names, or of the default one."""
+    parser = argparse.ArgumentParser(add_help=False)
+    parser.add_argument("--env", default=DEFAULT_ENV)
+    Console().print(options_table(parser.parse_known_args(arguments)[0].env))
 
 
 def _flags() -> dict[str, Any]:
@@ -58,15 +66,18 @@ def _flags() -> dict[str, Any]:
     flags: dict[str, Any] = {"env": Annotated[str | None, shown_default(DEFAULT_ENV, help=text)]}
     for kind in (WorldOptions, QuickestOptions):
         hints = typing.get_type_hints(kind)
-        for field in dataclasses.fields(kind):
-            if field.name not in flags:
-                flags[field.name] = _flag(kind, field, hints[field.name])
+        for name in (field.name for field in dataclasses.fields(kind)):
+            # A law is given as a text.
+            plain = str if str in typing.get_args(hints[name]) else hints[name]
+            if name == "sensors":
+                plain = tuple[str, ...]
+            flags.setdefault(name, bool if plain is bool else plain | None)
     return flags
 
 
 _Flags: Any = dataclasses.make_dataclass(
     "_Flags",
-    [(name, kind, False if kind.__origin__ is bool else None) for name, kind in _flags().items()],
+    [(name, kind, False if kind is bool else None) for name, kind in _flags().items()],
     kw_only=True,
 )
 

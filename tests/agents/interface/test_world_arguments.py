@@ -2,7 +2,7 @@
 
 import json
 
-from agents.interface.world_arguments import WorldArguments
+from agents.interface.world_arguments import WorldArguments, option_names, print_options
 
 QUICKEST = "HybridTrackQuickest-v0"
 
@@ -16,3 +16,12 @@ def test_a_run_folder_brings_the_options_of_its_environment(tmp_path):
     world = WorldArguments(ticks=60, tau=0.2).world_of(str(tmp_path))
 
     assert world == (card["environment"], {"durations": "geometric 9", "ticks": 60, "tau": 0.2})
+
+
+def test_the_options_of_an_environment_have_its_defaults(capsys):
+    print_options(["shipped", "--env", QUICKEST, "--tau", "0.2"])
+    printed = capsys.readouterr().out
+
+    for name in option_names(QUICKEST):
+        assert f"--{name.replace('_', '-')} " in printed
+    assert "25 + geometric 50" in printed
