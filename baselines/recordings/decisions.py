@@ -61,7 +61,7 @@ def smooth_piece(
         start: exact state (4,) one tick before the first measurement; None is not known.
     """
     times = piece.times(recording.times)
-    values = (piece.measurements - units.origin_at(times)[:, ::2]) * units.scales[0]
+    values = (piece.measurements - units.origin_at(times)[..., ::2]) * units.scales[0]
     for sensor in options.sensors:
         noises = np.tile([1.0, 0.0, 1.0], (len(values), 1))
         seen = [sensor.noise(x, y) for x, y in values[piece.measured].tolist()]

@@ -42,13 +42,20 @@ class SensorUnits:
         """Whether the origin of the options moves."""
         return bool(self.origin[1::2].any())
 
+    @cached_property
+    def squares(self) -> FloatArray:
+        """Products of the scales, (4, 4), for covariances."""
+        return np.outer(self.scales, self.scales)
+
     @property
     def second(self) -> float:
         """Unit of time of the options in that of the measurements."""
         return float(self.scales[1] / self.scales[0])
 
     def origin_at(self, time: Any) -> FloatArray:
-        """Return where the options have 0 at times (...), (..., 4)."""
+        """Return where the options have 0 at times (...), (..., 4); (4,) if it does not move."""
+        if not self.moves:
+            return self.origin
         return self.origin + np.multiply.outer(
             time, self.origin[[1, 1, 3, 3]] * [1.0, 0.0, 1.0, 0.0]
         )
@@ -124,8 +131,7 @@ class SensorUnits:
         """Return an estimate (4,) at a time and its covariance (4, 4) in the units of the
         options.
         """
-        squares = np.outer(self.scales, self.scales)
-        return (estimate - self.origin_at(time)) * self.scales, covariance * squares
+        return (estimate - self.origin_at(time)) * self.scales, covariance * self.squares
 
     def moments(self, estimates: FloatArray, covariances: FloatArray, time: Any) -> Moments:
         """Return estimates (..., 4) at times (...) and covariances (..., 4, 4) in the units of the
@@ -133,12 +139,13 @@ class SensorUnits:
         """
         if self.same:
             return estimates, covariances
-        squares = np.outer(self.scales, self.scales)
-        return estimates / self.scales + self.origin_at(time), covariances / squares
+        return estimates / self.scales + self.origin_at(time), covariances / self.squares
 
     def turn(self, turn: TurnEstimate) -> TurnEstimate:
         """Return a turn in the units of the measurements."""
-        return TurnEstimate(*(np.array(turn) / self.scales[[1, 1, 0, 0]]).tolist())
+        length, velocity = self.scales[:2].tolist()
+        of_speed = turn.speed / velocity, turn.speed_deviation / velocity
+        return TurnEstimate(*of_speed, turn.radius / length, turn.radius_deviation / length)
 
     def place(self, estimate: FloatArray) -> tuple[float, float]:
         """Return the position of an estimate (4,) as the sensor measures it."""

@@ -495,7 +495,7 @@ class OnlineTracker(OwnState):
         means, covariances = self.track.forecast(times.clip(0.0), stated)
         length = self.units.scales[0]
         origin = self.units.origin_at(self.time + np.asarray(seconds, float))
-        return means / length + origin[:, ::2], covariances / length**2
+        return means / length + origin[..., ::2], covariances / length**2
 
     @property
     def world(self) -> World:

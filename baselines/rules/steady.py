@@ -46,6 +46,8 @@ class SteadyDecider(ThresholdDecider):
     def __init__(self, threshold: float | None = None, types: IntArray | None = None):
         super().__init__(threshold)
         self._types = types
+        if types is not None:
+            self._same, self._worth = np.equal.outer(types, types), worth_of(types)
 
     @classmethod
     def create(cls, options: Any, **arguments: Any) -> Self:
@@ -84,8 +86,8 @@ class SteadyDecider(ThresholdDecider):
         count together. The radius of a turn that is stated changes likewise, by the probability of
         the mode alone.
         """
-        of_type = probability @ np.equal.outer(types, types)
-        best = (probability @ worth_of(types)).argmax(-1)
+        of_type = probability @ self._same
+        best = (probability @ self._worth).argmax(-1)
         another = types[best] != types[stated]
         tracks = np.arange(len(best))
         largest = np.where(another, of_type[tracks, best], probability[tracks, best])
