@@ -1,5 +1,5 @@
 """The interacting multiple model bank over recorded measurements, and the model that it assumes:
-likelihood, normalised innovations and last estimates. The likelihood, ln p(z_k | z_1 .. z_k-1) of
+likelihood, normalised innovations and probabilities. The likelihood, ln p(z_k | z_1 .. z_k-1) of
 the mixture over the modes, summed over the ticks, is what `model_fit` maximises. Chunks of a
 recording of about equal length run side by side in the lanes of a block.
 """
@@ -67,18 +67,6 @@ class Chunks(NamedTuple):
     sensors: AnyArray
 
 
-class Pass(NamedTuple):
-    """What the bank finds on chunks; NaN where there is none."""
-
-    log_likelihood: float
-    # (B, T, 2, LANES) innovation of the most probable mode, in its standard deviations, x and y.
-    white: FloatArray
-    # (B, T, M, LANES) of the modes.
-    probabilities: FloatArray
-    # (1,) record `PASS_BLOCK` with the last estimates.
-    block: AnyArray
-
-
 @internal
 def _begin(
     bank: Any, block: Any, lane: int, first: FloatArray, ticks: int, turn: float, model: FilterModel
@@ -107,13 +95,20 @@ def _begin(
 
 @compiled
 def imm_pass(
-    chunks: Chunks, bank: Any, radii: FloatArray, model: FilterModel, output: Pass
+    chunks: Chunks,
+    bank: Any,
+    blocks: AnyArray,
+    radii: FloatArray,
+    model: FilterModel,
+    white: FloatArray,
+    probabilities: FloatArray,
 ) -> float:
-    """Run the bank over all chunks; return the logarithm of the likelihood. The bank, of one block,
-    and the output are overwritten; no radii (n,) is a bank of straight motion.
+    """Run the bank over all chunks; return the logarithm of the likelihood, and write innovations
+    and probabilities as of `run_pass`. The bank, of one block, and the record `PASS_BLOCK` (1,) are
+    overwritten; no radii (n,) is a bank of straight motion.
     """
     total = 0.0
-    block = output.block[0]
+    block = blocks[0]
     turn = 1.0 / radii.min() if radii.size else 0.0
     for b in range(chunks.measurements.shape[0]):
         for k in range(chunks.measurements.shape[1]):
@@ -142,21 +137,26 @@ def imm_pass(
                 best = 0
                 for h in range(bank.hypotheses.size):
                     value = bank.hypotheses[h].log_probability[lane]
-                    output.probabilities[b, k, h, lane] = math.exp(value)
+                    probabilities[b, k, h, lane] = math.exp(value)
                     if value > bank.hypotheses[best].log_probability[lane]:
                         best = h
                 if measured:
-                    output.white[b, k, 0, lane] = bank.innovations[best].white_x[lane]
-                    output.white[b, k, 1, lane] = bank.innovations[best].white_y[lane]
+                    white[b, k, 0, lane] = bank.innovations[best].white_x[lane]
+                    white[b, k, 1, lane] = bank.innovations[best].white_y[lane]
                 if measured and k > chunks.starts[b, 2, lane]:
                     sums = bank.sums[0]
                     total += sums.largest[lane] - math.log(sums.inverse[lane])
     return total
 
 
-def run_pass(chunks: Chunks, track: "TrackModel") -> Pass:
+def run_pass(chunks: Chunks, track: "TrackModel") -> tuple[float, FloatArray, FloatArray]:
     """Run the bank of a model over chunks, in their units; without a variance of the velocities
     these are not used.
+
+    Returns:
+        logarithm of the likelihood; (B, T, 2, LANES) innovations of the most probable mode in their
+        standard deviations, x and y; (B, T, M, LANES) probabilities of the modes. NaN where there
+        is none.
     """
     if (chunks.sensors["rates"] == 2).any():
         sensors = chunks.sensors[: int(track.velocity_variance > 0.0)].copy()
@@ -164,9 +164,8 @@ def run_pass(chunks: Chunks, track: "TrackModel") -> Pass:
         chunks = chunks._replace(sensors=sensors)
     shape = chunks.measurements.shape[:2]
     modes = track.hypotheses
-    block = aligned_zeros((1,), PASS_BLOCK)
+    blocks = aligned_zeros((1,), PASS_BLOCK)
     white, probabilities = (np.full((*shape, rows, LANES), np.nan) for rows in (2, modes))
-    output = Pass(0.0, white, probabilities, block)
     radii = np.array(track.radii, float)
     model = track.of_bank
     bank = bank_arrays(DenseImmBank if track.modes else ImmBank, len(radii), modes=modes)
@@ -176,9 +175,9 @@ def run_pass(chunks: Chunks, track: "TrackModel") -> Pass:
         )
         stays = (model.stay_probability - model.switch_probability) * np.eye(modes)
         bank.transitions[:] = model.switch_probability + stays
-    arguments = chunks, bank, radii, model, output
+    arguments = chunks, bank, blocks, radii, model, white, probabilities
     prepare(imm_pass, *arguments)
-    return output._replace(log_likelihood=imm_pass(*arguments))
+    return imm_pass(*arguments), white, probabilities
 
 
 def grid_chunks(
@@ -317,9 +316,10 @@ class TrackModel:
 
     def run(
         self, grid: TickGrid, lengths: Sequence[int], longest: int, most: float = math.inf
-    ) -> tuple[Pass, list[tuple[int, int, int]]]:
-        """Run the bank over a recording, or the part of it that `grid_chunks` chooses; innovations
-        are in standard deviations, and the likelihood is in units of the recording.
+    ) -> tuple[tuple[float, FloatArray, FloatArray], list[tuple[int, int, int]]]:
+        """Run the bank over a recording, or the part of it that `grid_chunks` chooses; return what
+        `run_pass` does, with the likelihood in units of the recording, and the places of the
+        chunks.
         """
         deviation = math.sqrt(self.measurement_variance)
         chunks, places = grid_chunks(grid, deviation, lengths, longest, most)
@@ -333,10 +333,10 @@ class TrackModel:
             velocity_variance=self.velocity_variance * self.tau**2 / self.measurement_variance,
             duration=math.inf if lengths else self.duration,
         )
-        result = run_pass(chunks, model)
+        log_likelihood, white, probabilities = run_pass(chunks, model)
         measured = np.count_nonzero(~np.isnan(chunks.measurements[:, :, 0]))
         units = measured * math.log(self.measurement_variance)
-        return result._replace(log_likelihood=result.log_likelihood - units), places
+        return (log_likelihood - units, white, probabilities), places
 
     @property
     def scales(self) -> FloatArray:
