@@ -7,7 +7,7 @@ weights apply to objects of any size and to banks of any size.
 """
 
 import copy
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 import numpy as np
 import torch
@@ -42,9 +42,15 @@ class AnchorState:
         ratios: of the present row.
         anchors: inputs (n, 22 + C), factor (n, 4, 4) and tracks (n,) of the anchors predicted in
             this row, if any.
+        inputs: (N, 31) of the network that decides to declare.
+        logits: (N,) log-odds of declaring against waiting.
+        best: (N,) hypothesis that is most likely to be rewarded.
     """
 
     ratios: RowRatios
+    inputs: Float32Array
+    logits: FloatArray
+    best: IntArray
 
     def __init__(self, world: WorldOptions, tracks: int):
         self.world = world
@@ -127,20 +133,6 @@ class AnchorState:
         return other
 
 
-class Odds(NamedTuple):
-    """What the agent knows of N tracks at a tick."""
-
-    # (N, 31) of the network that decides to declare.
-    inputs: Float32Array
-    # (N,) log-odds of declaring against waiting.
-    logits: FloatArray
-    # (N, M) of the hypotheses.
-    posterior: FloatArray
-    # (N,) hypothesis that is most likely to be rewarded.
-    best: IntArray
-    ratios: RowRatios
-
-
 class AnchorDecider(NetworkDecider):
     """Declares the best hypothesis once the network predicts that waiting does not pay.
 
@@ -170,49 +162,42 @@ class AnchorDecider(NetworkDecider):
         """See `Decider.observe`: with sensors also what they measured."""
         return observe_sensed(tracks)
 
-    def posterior(
-        self, observation: Observations, state: AnchorState | None, episode_start: Any
-    ) -> tuple[FloatArray, AnchorState]:
-        """Return the posterior of the hypotheses (N, M) after one tick, and the state."""
-        rows, sensed = split_sensed(self.layout, np.asarray(observation))
-        state = state or AnchorState(self.world, len(rows))
-        state.advance(self.net.anchor, RowRatios(self.world, rows), episode_start, sensed)
-        return state.posterior, state
-
     @torch.no_grad()
-    def odds(
+    def advance(
         self, observation: Observations, state: AnchorState | None, episode_start: Any
-    ) -> tuple[Odds, AnchorState]:
-        """Return the log-odds of declaring after one tick, and the state."""
-        posterior, state = self.posterior(observation, state, episode_start)
-        ratios = state.ratios
-        error, best = error_and_best(posterior, self.world.groups)
+    ) -> AnchorState:
+        """Return the state after one tick, with the log-odds of declaring."""
+        rows, sensed = split_sensed(self.layout, np.asarray(observation))
+        ratios = RowRatios(self.world, rows)
+        state = state or AnchorState(self.world, len(rows))
+        state.advance(self.net.anchor, ratios, episode_start, sensed)
+        error, state.best = error_and_best(state.posterior, self.world.groups)
         right = -log_odds(error, 1e-9)[:, None]
         begins = ratios.read("ticks") < 1.5
         before = np.where(begins[:, None], right, state.odds)
         changes = right - before
         state.odds = before + np.array([1 / 2, 1 / 5, 1 / 12]) * changes
-        white = ratios.of_mode(state.innovations, best)[:, :2]
+        white = ratios.of_mode(state.innovations, state.best)[:, :2]
         square = np.minimum(0.5 * (white**2).sum(-1), 40.0)[:, None]
         squares = np.where(np.stack([begins, state.first], -1), 1.0, state.squares)
         state.squares = squares + np.array([1 / 8, 1 / 60]) * (square - squares)
-        inputs = stopping_inputs(
-            ratios, posterior, error, best, changes, state.squares, state.heavy_tails
+        state.inputs = stopping_inputs(
+            ratios, state.posterior, error, state.best, changes, state.squares, state.heavy_tails
         )
-        logits = right[:, 0] + log_odds(0.02)
+        state.logits = right[:, 0] + log_odds(0.02)
         if self.stop:
-            logits = self.net.stopping(torch.from_numpy(inputs)).double().numpy()
-        return Odds(inputs, logits, posterior, best, ratios), state
+            state.logits = self.net.stopping(torch.from_numpy(state.inputs)).double().numpy()
+        return state
 
     def decide(
         self, observation: Observations, state: Any, episode_start: Any
     ) -> tuple[Actions, Any]:
         """See `Decider.decide`."""
-        odds, state = self.odds(observation, state, episode_start)
-        return self.declarations(odds, odds.logits > self.threshold), state
+        state = self.advance(observation, state, episode_start)
+        return self.declarations(state, state.logits > self.threshold), state
 
     @torch.no_grad()
-    def declarations(self, odds: Odds, stops: BoolArray) -> Actions:
+    def declarations(self, state: AnchorState, stops: BoolArray) -> Actions:
         """Return the actions (N,) of tracks that declare where `stops` (N,) is True.
 
         If only the type is rewarded, a wrong radius costs nothing at once, but the next anchor is
@@ -220,11 +205,11 @@ class AnchorDecider(NetworkDecider):
         the most likely one. If all filters run on (`follow="bank"`), the next anchor does not
         depend on the declaration.
         """
-        best = odds.best[stops]
+        best = state.best[stops]
         world = self.world
         of_type = world.correctness == "type" and world.hypotheses > 3
         if best.size and of_type and world.follow != "bank":
-            ratios, posterior = RowRatios(world, odds.ratios.rows[stops]), odds.posterior[stops]
+            ratios, posterior = RowRatios(world, state.ratios.rows[stops]), state.posterior[stops]
             turn = ratios.turn
             same = ratios.kind == ratios.kind[best][:, None]
             mean = (posterior * same * turn).sum(-1) / (posterior * same).sum(-1)
@@ -249,8 +234,8 @@ class AnchorDecider(NetworkDecider):
         """Return the log-odds of declaring against waiting, the same for each hypothesis, (N,
         M).
         """
-        odds, _ = self.odds(observation, copy.deepcopy(state), episode_start)
-        return np.broadcast_to(odds.logits[:, None], odds.posterior.shape)
+        state = self.advance(observation, copy.deepcopy(state), episode_start)
+        return np.broadcast_to(state.logits[:, None], state.posterior.shape)
 
     def select_tracks(self, state: AnchorState, tracks: BoolArray) -> AnchorState:
         """See `Decider.select_tracks`."""

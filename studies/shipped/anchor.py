@@ -152,7 +152,7 @@ def samples_of(
         known = has_declared[decided] & (np.abs(seen.margin[decided]) < 1.8)
         pairs = np.column_stack([declared[decided], 1.0 - reward])
         regrets.append(pairs[known].astype(np.float32))
-        ratios = RowRatios(world, seen.odds.ratios.rows[decided])
+        ratios = RowRatios(world, seen.rows[decided])
         turns = (ratios.of_mode(ratios.turn, modes)[:, None] for modes in (mode, true_mode))
         declared[decided] = regret_inputs(ratios, *turns)[:, 0]
         has_declared[decided] = True

@@ -114,8 +114,12 @@ class WorldsAlgorithm(NetworkAlgorithm):
 class Seen(NamedTuple):
     """What an agent has seen of N tracks at a tick, and what it has done."""
 
-    # See `AnchorDecider.odds`.
-    odds: Any
+    # See `AnchorState`.
+    inputs: Any
+    # (N, width) rows of the environment.
+    rows: Any
+    # See `AnchorState`.
+    best: Any
     # (N,) threshold of the segment.
     margin: FloatArray
     # (N,) whether a declaration counts at this tick.
@@ -156,16 +160,17 @@ class Explorer(Decider):
     ) -> tuple[NDArray[np.int64], Any]:
         """See `Decider.decide`. The state is that of the agent, and the thresholds (N,)."""
         inner, margin = state or (None, np.zeros(len(observation)))
-        odds, inner = self.agent.odds(observation, inner, episode_start)
+        inner = self.agent.advance(observation, inner, episode_start)
+        ratios = inner.ratios
         drawn = self.algorithm.draw_margins(self.generator, len(margin))
-        margin = np.where(odds.ratios.read("ticks") < 1.5, drawn, margin)
-        stops = (odds.logits > margin) | (odds.ratios.read("ticks_left") < 0.5)
-        ticks = self.env.world.field("tick")
-        counts = (ticks % self.world.decide_every == 0) | (ticks == self.env.world.field("length"))
-        stops &= counts
-        truth = self.env.world.field("truth")
-        self.seen.append(Seen(odds, margin, counts, stops, inner.anchors, truth))
-        actions = self.agent.declarations(odds, stops)
+        margin = np.where(ratios.read("ticks") < 1.5, drawn, margin)
+        ticks, length, truth = (self.env.world.field(name) for name in ("tick", "length", "truth"))
+        counts = (ticks % self.world.decide_every == 0) | (ticks == length)
+        stops = counts & ((inner.logits > margin) | (ratios.read("ticks_left") < 0.5))
+        self.seen.append(
+            Seen(inner.inputs, ratios.rows, inner.best, margin, counts, stops, inner.anchors, truth)
+        )
+        actions = self.agent.declarations(inner, stops)
         if share := self.algorithm.settings.random_declarations:
             replaced = stops & (self.generator.random(len(stops)) < share)
             modes = self.generator.integers(self.world.hypotheses, size=len(stops))

@@ -137,14 +137,7 @@ def paths_of(explorer: Explorer) -> tuple[Float32Array, Float32Array, IntArray]:
         np.stack(parts, 1)
         for parts in zip(
             *(
-                (
-                    seen.odds.inputs,
-                    seen.odds.ratios.rows,
-                    seen.odds.best,
-                    seen.margin,
-                    seen.counts,
-                    seen.stops,
-                )
+                (seen.inputs, seen.rows, seen.best, seen.margin, seen.counts, seen.stops)
                 for seen in explorer.seen
             ),
             strict=True,

@@ -58,10 +58,10 @@ def posteriors_of(decider, env, transform=lambda rows: rows, declare=True):
     start = np.ones(env.num_envs, np.bool_)
     posteriors = []
     for tick in range(TICKS):
-        posterior, state = decider.posterior(transform(rows), state, start)
-        posteriors.append(posterior)
+        state = decider.advance(transform(rows), state, start)
+        posteriors.append(state.posterior)
         due = declare & (np.arange(env.num_envs) == tick % env.num_envs)
-        actions = np.where(due, 1 + tick % posterior.shape[1], 0)
+        actions = np.where(due, 1 + tick % env.options.hypotheses, 0)
         rows, _, start, _, _ = env.step(actions)
     return np.array(posteriors)
 

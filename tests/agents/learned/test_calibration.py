@@ -23,7 +23,8 @@ def stated_and_right(decider, env, segments, ticks=(2, 5, 10, 20, 40)):
     right = []
     decided = 0
     while decided < segments:
-        posterior, state = decider.posterior(rows, state, start)
+        state = decider.advance(rows, state, start)
+        posterior = state.posterior
         best = posterior.argmax(1)
         declare = 1.0 - posterior.max(1) <= 0.02
         tick = np.rint(Layout.of_rows(rows).read(rows, "ticks"))
