@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from declared import refuse_beyond
 from hostile_input import refused
 from own_modes import Halt
 from own_noise import run_page
@@ -95,14 +94,6 @@ def test_the_class_and_its_numbers_name_a_mode():
     assert HardBrake.words == HardBrake().type == "hard brake"
     assert HardBrake().name == "hard brake 0.5"
     assert WorldOptions(modes=(Halt(), HardBrake()), scheme="9 hard brake 0.5").hypotheses == 2
-
-
-@pytest.mark.parametrize(
-    ("kind", "name"),
-    [(Turn, "radius"), (TurnRate, "rate"), (Accelerate, "acceleration"), (Stopping, "time")],
-)
-def test_numbers_of_modes_beyond_the_declared_ones_are_refused(kind, name):
-    assert refuse_beyond(kind, **{name: 1.0}) > 5
 
 
 REFUSED = {

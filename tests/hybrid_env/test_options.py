@@ -20,7 +20,7 @@ from hybrid_env import (
     parse_scheme,
 )
 from hybrid_env.durations import GeometricDurations, UniformDurations
-from hybrid_env.modes import modes_of_radii
+from hybrid_env.modes import Accelerate, Stopping, Turn, TurnRate, modes_of_radii
 from hybrid_env.noises import LevyNoise, OutlierNoise, StudentNoise
 from hybrid_env.scheme import SCHEMES, segment_table
 
@@ -34,6 +34,10 @@ DECLARED = {
     StudentNoise: {"freedom": 3.0},
     GeometricDurations: {"mean": 5.0},
     UniformDurations: {"shortest": 5, "longest": 9},
+    Turn: {"radius": 1.0},
+    TurnRate: {"rate": 1.0},
+    Accelerate: {"acceleration": 1.0},
+    Stopping: {"time": 1.0},
     Sensor: {"variance": 1.0},
     Radar: {"range_deviation": 1.0, "bearing_deviation": 0.1},
 }
