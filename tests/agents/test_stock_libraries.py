@@ -16,6 +16,16 @@ IDS = tuple(hybrid_env.ENVIRONMENTS)
 pytestmark = pytest.mark.filterwarnings("ignore")
 
 
+def test_stable_baselines3_learns_with_its_defaults():
+    from stable_baselines3 import PPO
+
+    # The id is enough.
+    model = PPO("MlpPolicy", EASY, device="cpu", seed=0)
+    model.learn(2048)
+
+    assert model.num_timesteps == 2048
+
+
 @pytest.mark.parametrize("env_id", IDS)
 def test_torchrl_gym_env(env_id):
     from torchrl import envs

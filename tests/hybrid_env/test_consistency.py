@@ -109,6 +109,16 @@ def test_the_filter_of_the_true_mode_is_consistent_where_its_model_is_exact(name
         assert abs(product.mean()) < 5.0 / np.sqrt(product.size), lag
 
 
+# The anchor of a turn has an error; P := I.
+INEXACT = [{"scheme": "L60r5"} | TRUE_COVARIANCE, {"scheme": "S60"}]
+
+
+@pytest.mark.parametrize("options", INEXACT)
+def test_the_same_bounds_are_exceeded_where_the_model_is_not_exact(options):
+    white, _ = run(1000, 2018, **options)
+    assert not inside((white**2).sum(), white.size)
+
+
 def squares_of_true_modes(tracks, scale, climbs=False, **options):
     """Return the normalized squared errors of innovations and estimates, {mode: (2, n)}.
 
