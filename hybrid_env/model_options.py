@@ -46,7 +46,7 @@ class ModelOptions(Checked):
             a uniform one.
         tau: length of a tick [s].
         process_variance: Q, variance of the noise added to each velocity at every tick [m^2/s^2].
-        object_variance: Q of the object, of which the filters are not told [m^2/s^2]. (smallest,
+        object_variance: the same of the object, of which the filters are not told. (smallest,
             largest) draws it for every episode, uniform in its logarithm. None is Q.
         drift_variance: variance of the drift of each measured coordinate in a tick [m^2]. The
             anchor-aware and the IMM filters assume it, as of a GPS; measurements have none.

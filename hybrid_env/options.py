@@ -33,10 +33,10 @@ class WorldOptions(ModelOptions):
         scheme: segments of an episode, as "random 4x20-60" or "L50r3 R75r5 S50". "random" is 6
             segments of 50 to 100 ticks, all modes equally likely. Also a key of `SCHEMES`, or a
             scheme object.
-        bank: "published", "anchor_aware" or "oracle". The published bank treats the anchor as
-            exact; the anchor-aware one includes its uncertainty in the state of every turn, see
-            `core.banks.anchor_aware`; the oracle is the published bank anchored at the true state,
-            an upper bound for evaluation that is not available in practice.
+        bank: kind of the bank, "published", "anchor_aware" or "oracle". "published" treats the
+            anchor as exact; "anchor_aware" includes the uncertainty of the anchor in the state of
+            every turn, see `core.banks.anchor_aware`; "oracle" is the published bank anchored at
+            the true state, an upper bound for evaluation that is not available in practice.
         reset_covariance: whether every segment starts with P := I, as published. Otherwise the
             covariance of the estimate is carried over. None means True for the published bank that
             follows the declared filter, and False otherwise.
@@ -47,18 +47,20 @@ class WorldOptions(ModelOptions):
             its reward and nothing else.
         delay_cost: cost of a step, in units of the reward of a correct decision.
         correctness: "exact" requires the hypothesis, "type" only straight, left or right.
-        evidence: a declaration counts once the posterior of a mode reaches this probability. Of
-            straight, left or right with `correctness="type"`; before, it waits. All hypotheses have
-            equal priors at the switch. 0 lets every declaration count.
-        actions: "all" to declare one of M hypotheses, "types" straight, left or right. The latter
-            is the most likely hypothesis of this type.
-        observation: "bank", "raw", "state" or "innovations". The output of the bank; the
-            measurement relative to the anchor, without the bank; the true state and the true mode;
-            or the whitened innovations, the time and the last decision, so that a decider has to
-            sum up the evidence. Actions, rewards and episodes are the same with all of them, so
-            that their difference is the worth of a bank, and of what cannot be observed.
-        undecided: decision on a segment that ends undecided, "likeliest" or "keep". The most likely
-            hypothesis, or the last decided mode, as in the papers.
+        evidence: a declaration counts once the posterior of a mode reaches this probability. Before
+            it waits. With `correctness="type"` the posterior is that of straight, left or right.
+            All hypotheses have equal priors at the switch. 0 lets every declaration count.
+        actions: what can be declared, "all" hypotheses or "types". "all" waits or declares one of M
+            hypotheses; "types" waits or declares straight, left or right, which is the most likely
+            hypothesis of this type.
+        observation: what is observed, "bank", "raw", "state" or "innovations". "bank" is the output
+            of the bank; "raw" the measurement relative to the anchor, without the bank; "state" the
+            true state and the true mode; "innovations" the whitened innovations, the time and the
+            last decision, so that a decider has to sum up the evidence. Actions, rewards and
+            episodes are the same with all of them, so that their difference is the worth of a bank,
+            and of what cannot be observed.
+        undecided: decision on a segment that ends undecided, "likeliest" or "keep". "likeliest" is
+            the most likely hypothesis, "keep" the last decided mode, as in the papers.
     """
 
     switches = "announced"

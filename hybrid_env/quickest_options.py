@@ -63,12 +63,14 @@ class QuickestOptions(ModelOptions):
         durations: law of the duration of a segment, as "25 + geometric 50", see
             `hybrid_env.durations`. Also "geometric 75", "uniform 50-100", "drawn" for another law
             in every episode, or a law object.
-        transitions: law of the next mode, "equal", "cycle", "drawn" or a matrix. All other modes
-            equally likely; one after the other; another law in every episode; or the probabilities
-            of the next mode (column) by the present one, (M, M) with zeros on the diagonal, also as
-            text: "0 0.9 0.1, 0.5 0 0.5, 1 0 0", or by names: {"straight": {"stop": 1.0}, ...}.
-        start: begin of an episode, "known" or "random". Known is a switch to a random mode, which
-            the bank knows; random is a moment of a segment whose mode the bank does not know.
+        transitions: law of the next mode, "equal", "cycle", "drawn" or a matrix. With "equal" all
+            other modes are equally likely; "cycle" is one after the other; "drawn" another law in
+            every episode; an (M, M) matrix has the probabilities of the next mode (column) by the
+            present one, with zeros on the diagonal, also as text: "0 0.9 0.1, 0.5 0 0.5, 1 0 0", or
+            by names: {"straight": {"stop": 1.0}, ...}.
+        start: begin of an episode, "known" or "random". "known" is a switch to a random mode, which
+            the bank knows; "random" is a random moment of a segment whose mode the bank does not
+            know.
         change_cost: cost of a change of the statement to a wrong mode, in units of the reward of a
             tick.
         hazard: probability of a switch per tick that the bank assumes, at most (M - 1) / M. All

@@ -1,9 +1,9 @@
 """Environment options as command-line flags, shared by all commands that create an environment."""
 
-import argparse
 import contextlib
 import dataclasses
 import os
+import re
 import typing
 from collections.abc import Iterator, Mapping, Sequence
 from contextvars import ContextVar
@@ -42,22 +42,29 @@ def options_table(env_id: str) -> Table:
     """
     kind: Any = environment_options(env_id)
     own = ENVIRONMENTS[env_id.rpartition(":")[2]]
-    heads = "option", "", "default"
-    title = f"Options of {env_id}"
-    table = Table(*heads, title=title, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table = Table(title=f"Options of {env_id}", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.add_column("option", no_wrap=True)
+    table.add_column(overflow="fold")
+    table.add_column("default", max_width=18, overflow="fold")
     for field in dataclasses.fields(kind):
         text = field_texts(kind)[field.name].partition(". ")[0].rstrip(".")
         default = own.get(field.name, field.default)
         flag = f"--{field.name.replace('_', '-')}"
-        table.add_row(flag, escape(text), "" if default is None else _text(default))
+        table.add_row(flag, escape(text), "none" if default in (None, ()) else _text(default))
     return table
 
 
 def print_options(arguments: Sequence[str]) -> None:
-    """Print the options of the environment that a command line names, or of the default one."""
-    parser = argparse.ArgumentParser(add_help=False)
-    parser.add_argument("--env", default=DEFAULT_ENV)
-    Console().print(options_table(parser.parse_known_args(arguments)[0].env))
+    """Print the options of the environment that a command line names, by `--env` or by a run
+    folder, or of the default one.
+    """
+    given = re.search(r"--env[= ](\S+)", " ".join(arguments))
+    cards = filter(None, map(read_card, arguments))
+    env_id = given[1] if given else next(cards, (DEFAULT_ENV, {}))[0]
+    console = Console()
+    with console.capture() as captured:
+        console.print(options_table(env_id))
+    print(captured.get(), end="")
 
 
 def _flags() -> dict[str, Any]:
@@ -71,14 +78,12 @@ def _flags() -> dict[str, Any]:
             plain = str if str in typing.get_args(hints[name]) else hints[name]
             if name == "sensors":
                 plain = tuple[str, ...]
-            flags.setdefault(name, bool if plain is bool else plain | None)
+            flags.setdefault(name, plain | None)
     return flags
 
 
 _Flags: Any = dataclasses.make_dataclass(
-    "_Flags",
-    [(name, kind, False if kind is bool else None) for name, kind in _flags().items()],
-    kw_only=True,
+    "_Flags", [(name, kind, None) for name, kind in _flags().items()], kw_only=True
 )
 
 

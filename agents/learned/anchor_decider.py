@@ -42,7 +42,8 @@ class AnchorState:
         ratios: of the present row.
         anchors: inputs (n, 22 + C), factor (n, 4, 4) and tracks (n,) of the anchors predicted in
             this row, if any.
-        inputs: (N, 31) of the network that decides to declare.
+        inputs: (N, 31) of the network that decides to declare, as `logits` and `best` of the
+            present row and written by `AnchorDecider.advance`.
         logits: (N,) log-odds of declaring against waiting.
         best: (N,) hypothesis that is most likely to be rewarded.
     """

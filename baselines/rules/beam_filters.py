@@ -205,40 +205,41 @@ def _copy_branch(
 
 @internal
 def _moments_of(branches: Branches, track: int) -> FloatArray:
-    """Return estimates and second moments of the branches of a track about the estimate of the
-    first one, which is the most probable: (branches, 14), as in `estimate_in`.
+    """Return estimates and covariances of the branches of a track, (branches, 14), as in
+    `estimate_in`.
     """
     moments = np.empty((branches.counts[track], 14))
     filters = branches.filters[track]
-    first = estimate_of(filters, 0, 0)
-    difference = np.empty(4)
     for b in range(moments.shape[0]):
         for k, value in enumerate(estimate_of(filters, b // LANES, b % LANES)):
-            moments[b, k] = difference[k] = value - first[k]
-        entries = covariance_of(filters[b // LANES], b % LANES)
-        k = 0
-        for row in range(4):
-            for column in range(row, 4):
-                moments[b, 4 + k] = entries[k] + difference[row] * difference[column]
-                k += 1
+            moments[b, k] = value
+        for k, value in enumerate(covariance_of(filters[b // LANES], b % LANES)):
+            moments[b, 4 + k] = value
     return moments
 
 
 @internal
-def _mixture_of(
-    moments: FloatArray, first: State, shares: FloatArray, total: float
-) -> tuple[State, Triangle4]:
-    """Return mean and covariance of branches weighted by shares (branches,) of a total; their
-    moments are those of `_moments_of`, about the estimate `first`.
+def _mixture_of(moments: FloatArray, shares: FloatArray, total: float) -> tuple[State, Triangle4]:
+    """Return mean and covariance of branches, whose moments are those of `_moments_of`, weighted by
+    shares (branches,) of a total.
     """
-    mixed = shares @ moments / total
-    k = 4
-    for row in range(4):
-        for column in range(row, 4):
-            mixed[k] -= mixed[row] * mixed[column]
-            k += 1
-    for k in range(4):
-        mixed[k] += first[k]
+    mixed = np.zeros(14)
+    difference = np.empty(4)
+    for b in range(shares.size):
+        if shares[b] > 0.0:
+            share = shares[b] / total
+            for k in range(4):
+                mixed[k] += share * moments[b, k]
+    for b in range(shares.size):
+        if shares[b] > 0.0:
+            share = shares[b] / total
+            for k in range(4):
+                difference[k] = moments[b, k] - mixed[k]
+            k = 4
+            for row in range(4):
+                for column in range(row, 4):
+                    mixed[k] += share * (moments[b, k] + difference[row] * difference[column])
+                    k += 1
     return estimate_in(mixed)
 
 
@@ -309,7 +310,7 @@ def _switch(
     modes = model.motions.size
     histories = branches.histories[track]
     shares = np.zeros(weights.size)
-    moments, first = _moments_of(branches, track), estimate_of(branches.filters[track], 0, 0)
+    moments = _moments_of(branches, track)
     for mode in range(modes):
         groups = 0
         for b in range(weights.size):
@@ -340,7 +341,7 @@ def _switch(
                 parent = b if parent < 0 else parent
                 same = _agreement(histories[b].segments, histories[parent].segments)
                 agreed = min(agreed, same)
-            anchor, covariance = _mixture_of(moments, first, shares, total)
+            anchor, covariance = _mixture_of(moments, shares, total)
             slot = free[mode] if learns else 0
             weight = math.log(total)
             begin_branch(children, 0, count, mode, LATER, slot, anchor, covariance, weight, model)

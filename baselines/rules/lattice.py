@@ -236,7 +236,7 @@ def _smooth(
         shares = np.empty(endings.size)
         for kind in range(kinds):
             begun = alive[k * kinds + kind]
-            # What is less probable stays where it is.
+            # So small a probability stays with its mode, and is not handed to the parents.
             if begun < 1e-12:
                 continue
             mode = kind // most
