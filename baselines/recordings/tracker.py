@@ -23,7 +23,7 @@ from baselines.recordings.start import FirstMeasurements, gate_distance, unit_no
 from baselines.recordings.track_modes import in_units, names_of_modes
 from baselines.recordings.track_state import Snapshot, TrackState
 from baselines.rules.decider import Decider
-from baselines.rules.external import CheckedDecider, as_decider, name_of
+from baselines.rules.external import as_decider, ask, name_of
 from baselines.rules.fixed_lag import LARGEST_LAG, FixedLagSmoother
 from baselines.rules.hindsight import PROCESS_SHARE
 from baselines.rules.threshold import ThresholdDecider
@@ -169,7 +169,7 @@ class OnlineTracker(OwnState):
         self._model = np.array(options.radii, float), options.tau
         self._stops = any(mode.type == "stop" for mode in options.all_modes)
         self._noise = unit_noise(options)
-        self._ask = CheckedDecider(self.decider, self.options.action_count)
+        self._actions = self.options.action_count
         self._longest = options.longest_segment
         # Of the last measurement; without times it is counted from 0.
         self.time = 0.0
@@ -671,7 +671,8 @@ class OnlineTracker(OwnState):
         evidence = self.track.probabilities() if state.assumed else None
         if levels:
             evidence = self.decider.evidence(seen, state.decider_state, first)[0]
-        actions, state.decider_state = self._ask(seen, state.decider_state, first)
+        given = self.decider, self._actions, seen, state.decider_state, first
+        actions, state.decider_state = ask(*given)
         action = operator.index(actions[0])
         if evidence is not None:
             # A decider without a threshold changes its statement at any evidence.

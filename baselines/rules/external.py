@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from gymnasium.error import InvalidAction
 
-from baselines.rules.decider import Actions, Answer, Decider
+from baselines.rules.decider import Answer, Decider
 from hybrid_env.checks import ArgumentError, BoolArray, checked, reject
 
 
@@ -60,39 +60,29 @@ def as_decider(model: Any) -> Decider:
     return ModelDecider(model)
 
 
-class CheckedDecider:
-    """Asks a decider for actions, and checks those of a decider that is not of this package."""
+def ask(decider: Decider, action_count: int, seen: Any, state: Any, starts: BoolArray) -> Answer:
+    """Return actions (N,) and the new state, see `Decider.predict`; those of a decider that is not
+    of this package are checked.
+    """
+    ours = type(decider).__module__.startswith(("agents.", "baselines."))
+    if ours and not isinstance(decider, ModelDecider):
+        return decider.predict(seen, state, starts, deterministic=True)
+    with _one_line(name_of(decider)):
+        answer, state = decider.predict(seen, state, starts, deterministic=True)
+        actions = np.asarray(answer)
+    shown: Any = f"{actions.dtype} of shape {actions.shape}"
+    if actions.shape == (len(seen),) and actions.dtype.kind in "iu":
+        shown = actions[(actions < 0) | (actions >= action_count)]
+        if not shown.size:
+            return actions, state
+    allowed = f"{len(seen)} integers from 0 to {action_count - 1}"
+    raise reject("actions", shown, f"{allowed} from {name_of(decider)}")
 
-    def __init__(self, decider: Decider, action_count: int):
-        self.decider = decider
-        self.action_count = action_count
-        ours = type(decider).__module__.startswith(("agents.", "baselines."))
-        self._trusted = ours and not isinstance(decider, ModelDecider)
 
-    def __call__(self, seen: Any, state: Any, starts: BoolArray) -> Answer:
-        """Return actions (N,) and the new state, see `Decider.predict`."""
-        if self._trusted:
-            return self.decider.predict(seen, state, starts, deterministic=True)
-        with _one_line(name_of(self.decider)):
-            answer, state = self.decider.predict(seen, state, starts, deterministic=True)
-            actions = np.asarray(answer)
-        return self._checked(actions, len(seen)), state
-
-    def observe(self, tracks: Any) -> Any:
-        """Return what the decider observes of the arrays of an environment, see
-        `Decider.observe`.
-        """
-        with _one_line(name_of(self.decider)):
-            return self.decider.observe(tracks)
-
-    def _checked(self, actions: Any, tracks: int) -> Actions:
-        shown: Any = f"{actions.dtype} of shape {actions.shape}"
-        if actions.shape == (tracks,) and actions.dtype.kind in "iu":
-            shown = actions[(actions < 0) | (actions >= self.action_count)]
-            if not shown.size:
-                return actions
-        allowed = f"{tracks} integers from 0 to {self.action_count - 1}"
-        raise reject("actions", shown, f"{allowed} from {name_of(self.decider)}")
+def observed(decider: Decider, tracks: Any) -> Any:
+    """Return what a decider observes of the arrays of an environment, see `Decider.observe`."""
+    with _one_line(name_of(decider)):
+        return decider.observe(tracks)
 
 
 def names_code(name: str) -> bool:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from baselines.rules.decider import ANNOUNCED, Actions, Observations
-from baselines.rules.external import CheckedDecider, ModelDecider, as_decider
+from baselines.rules.external import ModelDecider, as_decider, ask, observed
 from baselines.scoring.decisions import Decisions
 from baselines.scoring.statements import Statements
 from hybrid_env.checks import AnyArray, BoolArray, FloatArray, Info, check_integer
@@ -63,8 +63,8 @@ def rollout(
     decider = as_decider(model).for_modes(env.options)
     waits = env.options.switches == ANNOUNCED
     tracks = env.num_envs
+    action_count = int(env.single_action_space.n)
     # Tracks passed to the decider.
-    ask = CheckedDecider(decider, int(env.single_action_space.n))
     running = np.arange(tracks)
     rows, info = env.reset(seed=seed)
     actions = np.zeros(tracks, int)
@@ -72,7 +72,7 @@ def rollout(
     terminated = np.zeros(tracks, bool)
     now = Tick(0, rows, rows, None, starts, terminated, actions, np.zeros(tracks), info)
     while True:
-        now.seen = now.observation if decider.observes == "rows" else ask.observe(env.world)
+        now.seen = now.observation if decider.observes == "rows" else observed(decider, env.world)
         yield now
         if unfinished is not None:
             left = unfinished[running]
@@ -93,7 +93,7 @@ def rollout(
         counts = decision_ticks(env, decide_every)[running]
         answer = now.actions[..., running] * (not waits)
         if decider.every_tick or counts.any():
-            asked, now.state = ask(seen, now.state, starts)
+            asked, now.state = ask(decider, action_count, seen, now.state, starts)
             answer = np.where(counts, asked, answer)
         # With several thresholds the environment follows the first one.
         actions[running] = answer[0] if answer.ndim == 2 else answer
