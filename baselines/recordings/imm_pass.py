@@ -67,6 +67,16 @@ class Chunks(NamedTuple):
     sensors: AnyArray
 
 
+class Pass(NamedTuple):
+    """What the bank finds on chunks; NaN where there is none."""
+
+    log_likelihood: float
+    # (B, T, 2, LANES) innovations of the most probable mode, in their standard deviations, x and y.
+    white: FloatArray
+    # (B, T, M, LANES) of the modes.
+    probabilities: FloatArray
+
+
 @internal
 def _begin(
     bank: Any, block: Any, lane: int, first: FloatArray, ticks: int, turn: float, model: FilterModel
@@ -104,7 +114,7 @@ def imm_pass(
     probabilities: FloatArray,
 ) -> float:
     """Run the bank over all chunks; return the logarithm of the likelihood, and write innovations
-    and probabilities as of `run_pass`. The bank, of one block, and the record `PASS_BLOCK` (1,) are
+    and probabilities as of `Pass`. The bank, of one block, and the record `PASS_BLOCK` (1,) are
     overwritten; no radii (n,) is a bank of straight motion.
     """
     total = 0.0
@@ -149,14 +159,9 @@ def imm_pass(
     return total
 
 
-def run_pass(chunks: Chunks, track: "TrackModel") -> tuple[float, FloatArray, FloatArray]:
+def run_pass(chunks: Chunks, track: "TrackModel") -> Pass:
     """Run the bank of a model over chunks, in their units; without a variance of the velocities
     these are not used.
-
-    Returns:
-        logarithm of the likelihood; (B, T, 2, LANES) innovations of the most probable mode in their
-        standard deviations, x and y; (B, T, M, LANES) probabilities of the modes. NaN where there
-        is none.
     """
     if (chunks.sensors["rates"] == 2).any():
         sensors = chunks.sensors[: int(track.velocity_variance > 0.0)].copy()
@@ -177,7 +182,7 @@ def run_pass(chunks: Chunks, track: "TrackModel") -> tuple[float, FloatArray, Fl
         bank.transitions[:] = model.switch_probability + stays
     arguments = chunks, bank, blocks, radii, model, white, probabilities
     prepare(imm_pass, *arguments)
-    return imm_pass(*arguments), white, probabilities
+    return Pass(imm_pass(*arguments), white, probabilities)
 
 
 def grid_chunks(
@@ -316,10 +321,9 @@ class TrackModel:
 
     def run(
         self, grid: TickGrid, lengths: Sequence[int], longest: int, most: float = math.inf
-    ) -> tuple[tuple[float, FloatArray, FloatArray], list[tuple[int, int, int]]]:
+    ) -> tuple[Pass, list[tuple[int, int, int]]]:
         """Run the bank over a recording, or the part of it that `grid_chunks` chooses; return what
-        `run_pass` does, with the likelihood in units of the recording, and the places of the
-        chunks.
+        it finds, with the likelihood in units of the recording, and the places of the chunks.
         """
         deviation = math.sqrt(self.measurement_variance)
         chunks, places = grid_chunks(grid, deviation, lengths, longest, most)
@@ -333,10 +337,10 @@ class TrackModel:
             velocity_variance=self.velocity_variance * self.tau**2 / self.measurement_variance,
             duration=math.inf if lengths else self.duration,
         )
-        log_likelihood, white, probabilities = run_pass(chunks, model)
+        result = run_pass(chunks, model)
         measured = np.count_nonzero(~np.isnan(chunks.measurements[:, :, 0]))
         units = measured * math.log(self.measurement_variance)
-        return (log_likelihood - units, white, probabilities), places
+        return result._replace(log_likelihood=result.log_likelihood - units), places
 
     @property
     def scales(self) -> FloatArray:

@@ -13,7 +13,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from baselines.recordings.imm_pass import TrackModel, grid_chunks, run_pass
+from baselines.recordings.imm_pass import Pass, TrackModel, grid_chunks, run_pass
 from baselines.recordings.scatter import median_speed, noise_estimate, step_length
 from baselines.recordings.ticks import TickGrid
 from baselines.recordings.track_modes import in_units
@@ -63,7 +63,7 @@ def fit_model(
     chunks, _ = grid_chunks(grid, scale, lengths, 512, 4096)
 
     def likelihood(at: TrackModel) -> float:
-        total, _, _ = run_pass(chunks, at)
+        total = run_pass(chunks, at).log_likelihood
         return total if math.isfinite(total) else -math.inf
 
     # Q tau^2 / R that are tried.
@@ -112,8 +112,7 @@ def fit_model(
     if lengths:
         duration = float(np.mean(lengths))
     if duration is None:
-        _, _, probabilities = run_pass(chunks, best)
-        duration = _counted_duration(probabilities)
+        duration = _counted_duration(run_pass(chunks, best))
         free.append("duration")
     return TrackModel(
         tuple(sorted(radius * scale for radius in best.radii) if radii is None else radii),
@@ -336,7 +335,7 @@ def with_stop(grid: TickGrid, moving: TrackModel, whole: TrackModel, longest: fl
     ]
     models = [*stopping, moving, whole]
     passes = [model.run(grid, (), 2048)[0] for model in models]
-    values, _, probabilities = zip(*passes, strict=True)
+    values = [each.log_likelihood for each in passes]
     best = int(np.argmax(values[:2]))
     margin = -CLEARLY if longest >= 2.0 else CLEARLY
     stops = max(values[:2]) > max(values[2:]) + margin
@@ -345,7 +344,7 @@ def with_stop(grid: TickGrid, moving: TrackModel, whole: TrackModel, longest: fl
         return whole
     found = models[best]
     if "duration" in moving.estimated:
-        found = replace(found, duration=_counted_duration(probabilities[best]))
+        found = replace(found, duration=_counted_duration(passes[best]))
     return _with_stopping(grid, found)
 
 
@@ -357,8 +356,7 @@ def _with_stopping(grid: TickGrid, model: TrackModel) -> TrackModel:
     most = 200_000
 
     def likelihood(modes: tuple[Mode, ...]) -> float:
-        (log_likelihood, _, _), _ = replace(model, modes=modes).run(grid, (), 2048, most)
-        return log_likelihood
+        return replace(model, modes=modes).run(grid, (), 2048, most)[0].log_likelihood
 
     # A time within a factor of two is good enough.
     times = [model.tau * ticks for ticks in (1.5, 4.5, 13.5, 40.5)]
@@ -368,11 +366,12 @@ def _with_stopping(grid: TickGrid, model: TrackModel) -> TrackModel:
     return replace(model, stopping_time=times[int(np.argmax(values))])
 
 
-def _counted_duration(probabilities: FloatArray) -> float:
+def _counted_duration(result: Pass) -> float:
     """Return the mean duration of a mode [ticks] by the changes of the most probable one, as the
     likelihood says little about it. Short changes, made by noise, do not count; without one it is
-    the duration of the recording. The probabilities are those of `run_pass`.
+    the duration of the recording.
     """
+    probabilities = result.probabilities
     changes = 0
     total = 0
     for lane in np.moveaxis(probabilities, 3, 1).reshape(-1, *probabilities.shape[1:3]):
@@ -394,10 +393,10 @@ def check_consistency(
     that does not fit. Lengths are those between known switches.
     """
     # Ticks; the filters start anew at the beginning of each chunk.
-    (_, white, _), places = model.run(grid, lengths, 2048)
+    found, places = model.run(grid, lengths, 2048)
     innovations = [np.full((len(piece.measurements), 2), np.nan) for piece in grid.pieces]
     for k, (index, first, end) in enumerate(places):
-        innovations[index][first:end] = white[k // LANES, : end - first, :, k % LANES]
+        innovations[index][first:end] = found.white[k // LANES, : end - first, :, k % LANES]
     # No product joins two pieces.
     joined = np.concatenate(
         [np.pad(rows, ((0, 1), (0, 0)), constant_values=np.nan) for rows in innovations]

@@ -31,7 +31,7 @@ class Simulators:
     simulators: tuple[Literal["jsbsim", "bluesky", "sumo"], ...] = ("jsbsim", "bluesky", "sumo")
     """Simulators, each with 27 worlds of three kinds, ticks and noises."""
     deciders: Annotated[tuple[str, ...], tyro.conf.Positional] = (
-        "studies/simulators/shipped",
+        str(Path(__file__).with_name("shipped")),
         "threshold",
         "beam",
         "beam-geometric",

@@ -88,3 +88,27 @@ def test_a_data_set_of_minari_makes_its_environment_again(tmp_path, monkeypatch,
         rows = [again.reset(seed=int(episode.id) + 5)[0]]
         rows += [again.step(action)[0] for action in episode.actions]
         np.testing.assert_array_equal(rows, episode.observations)
+
+
+def clean_rl_environment(env_id, index):
+    """As `make_env` of CleanRL's ppo.py, without the video."""
+
+    def thunk():
+        env = gym.wrappers.RecordEpisodeStatistics(gym.make(env_id))
+        env.action_space.seed(index)
+        return env
+
+    return thunk
+
+
+def test_the_vector_loop_of_clean_rl():
+    envs = gym.vector.SyncVectorEnv([clean_rl_environment(EASY, index) for index in range(4)])
+    assert isinstance(envs.single_action_space, gym.spaces.Discrete)
+    envs.reset(seed=1)
+    lengths = []
+    for _ in range(400):
+        *_, infos = envs.step(envs.action_space.sample())
+        if "episode" in infos:
+            lengths += infos["episode"]["l"][infos["_episode"]].tolist()
+    assert len(lengths) > 4
+    assert min(lengths) >= 6

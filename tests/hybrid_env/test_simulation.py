@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from hybrid_env import simulate
+from hybrid_env import ArgumentError, simulate
 from hybrid_env.modes import Accelerate, LinearMode, Stop, Straight
 
 
@@ -42,3 +42,8 @@ def test_the_same_modes_by_name_or_by_radius_give_the_same_runs():
     np.testing.assert_array_equal(named.measurements, told.measurements)
     assert named.modes.tolist() == told.modes.tolist() == [0, 2]
     assert named.signed_radii.tolist() == [0.0, -5.0]
+
+
+def test_a_scheme_of_other_modes_is_refused():
+    with pytest.raises(ArgumentError, match="stop"):
+        simulate("50 straight, 30 accelerate 1", modes="straight, stop")

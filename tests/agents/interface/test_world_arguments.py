@@ -2,7 +2,7 @@
 
 import json
 
-from agents.interface.world_arguments import WorldArguments, print_options
+from agents.interface.world_arguments import WorldArguments, option_names, print_options
 
 QUICKEST = "HybridTrackQuickest-v0"
 
@@ -22,5 +22,8 @@ def test_the_options_of_an_environment_have_its_defaults(capsys):
     print_options(["--env", QUICKEST])
     printed = capsys.readouterr().out
 
-    assert "--change-cost " in printed
+    for name in option_names(QUICKEST):
+        assert f"--{name.replace('_', '-')} " in printed
+    # That of this environment only.
     assert "25 + geometric 50" in printed
+    assert "--delay-cost" not in printed

@@ -51,7 +51,7 @@ def test_straight_motion_has_the_likelihood_of_a_matrix_filter(modes, velocities
     )
     chunks, _ = grid_chunks(TickGrid(1.0, pieces, 0, 0.0), 1.0, (), 256)
     model = TrackModel((), 0.5, 0.01, math.inf, 1.0, 1.0, modes=modes, velocity_variance=0.04)
-    total, _, _ = run_pass(chunks, model)
+    total = run_pass(chunks, model).log_likelihood
     expected = sum(map(matrix_likelihood, parts, rates, [0.5] * 3, [0.01] * 3, [0.2] * 3))
 
     assert total == pytest.approx(expected, rel=1e-9)

@@ -106,6 +106,11 @@ def test_a_damaged_file_is_read_or_refused(read, kind, examples):
     attack(examples, damaged(content), check)
 
 
+@pytest.mark.parametrize("text", ["[" * 20_000, "t,x" + " " * 9_000 + "[,y"])
+def test_long_names_of_columns_take_no_time(read, text):
+    accepted(lambda: read(text + "\n" + ROWS))
+
+
 def test_size_and_rows_are_bounded(read, tmp_path, monkeypatch):
     path = tmp_path / "large.csv"
     path.write_text("x,y\n")
