@@ -45,7 +45,7 @@ rllib:
 bench: $(INSTALLED)
 	$(BIN)/python -m tools.bench $(ARGS)
 
-# what the wheel has and a clone has not: kernels for a first step in 2 to 3 s, which copies of the folder share
+# what the wheel has and a clone has not: kernels for a first step in 1 to 2 s, which copies of the folder share
 bitcode: $(INSTALLED)
 	$(BIN)/python -m tools.bitcode
 

@@ -85,8 +85,8 @@ class TrackVectorEnv(OwnState, VectorEnv[Float32Array, IntArray, AnyArray]):
         self._steps = np.zeros(self.num_envs, np.int64)
         limit = largest if max_episode_steps in (None, -1) else max_episode_steps
         self._most_steps = check_integer("max_episode_steps", limit)
-        # Asked at every step.
-        self._limited = self.options.longest_episode >= self._most_steps
+        # Whether a step needs to know which episodes it begins.
+        self._watched = bool(self.histories) or self.options.longest_episode >= self._most_steps
         # Shared by the info of all steps, and therefore read-only.
         self._every_track = np.ones(self.num_envs, bool)
         self._every_track.setflags(write=False)
@@ -151,14 +151,16 @@ class TrackVectorEnv(OwnState, VectorEnv[Float32Array, IntArray, AnyArray]):
         if self._disabled and world.terminated.any():
             advice = "reset() terminated tracks with a reset_mask first"
             raise gym.error.ResetNeeded(f"step() requires running episodes: {advice}")
-        world.actions[:] = actions
-        begins = world.terminated.copy()
+        world.actions[...] = actions
+        begins = world.terminated.copy() if self._watched else None
         events = world.step()
-        self._record(self._every_track, begins)
 
         terminated = world.terminated.copy()
         rewards = world.rewards.copy()
-        truncated = self._truncate(begins)
+        truncated = np.zeros(self.num_envs, bool)
+        if begins is not None:
+            self._record(self._every_track, begins)
+            truncated = self._truncate(begins)
         final: Info = {}
         if self._same_step and world.terminated.any():
             ended = world.terminated.copy()
@@ -203,8 +205,6 @@ class TrackVectorEnv(OwnState, VectorEnv[Float32Array, IntArray, AnyArray]):
         """Return which episodes end by the limit of steps, (N,), for the world as terminated ones.
         begins: (N,) the tracks that begin an episode.
         """
-        if not self._limited:
-            return np.zeros(self.num_envs, bool)
         self._steps += 1
         self._steps[begins] = 0
         truncated: BoolArray = self._steps >= self._most_steps

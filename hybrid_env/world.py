@@ -312,11 +312,11 @@ class World:
         raises `InvalidAction`, and no track is stepped.
         """
         events = self.run(STEP)
+        if events >= 0:
+            return events
         if events < -self.actions.size:
             raise self._draw_failed()
-        if events < 0:
-            raise self.invalid_action(int(self.actions[-1 - events]))
-        return events
+        raise self.invalid_action(int(self.actions[-1 - events]))
 
     def _draw_failed(self) -> ArgumentError:
         """Return the error of the law of the user; the next step begins anew."""

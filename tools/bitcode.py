@@ -2,6 +2,7 @@
 `hybrid_env/core/bitcode.py`: `python -m tools.bitcode`.
 """
 
+import os
 import sys
 from pathlib import Path
 
@@ -13,8 +14,9 @@ from hybrid_env.core.memory import AnchorAwareBank, ImmBank, PublishedBank
 
 def main(folder: Path) -> None:
     """Write the files of the present sources into a folder, and remove those of others."""
-    # For any processor; the one that loads it makes its loops SIMD code.
-    config.CPU_NAME, config.CPU_FEATURES, config.LOOP_VECTORIZE = "generic", "", 0
+    # Settings of numba: for any processor, which optimises the code when it loads it.
+    os.environ |= {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": "", "NUMBA_OPT": "0"}
+    config.reload_config()
     for path in folder.glob("*.bc.xz"):
         path.unlink()
     for bank in (AnchorAwareBank, PublishedBank, ImmBank):

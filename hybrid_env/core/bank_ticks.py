@@ -10,14 +10,14 @@ import numpy as np
 from hybrid_env.core.arrays import FloatArray
 from hybrid_env.core.banks import operations
 from hybrid_env.core.banks.bank import estimate_of, filter_model
-from hybrid_env.core.compilation import seldom, stay_apart
+from hybrid_env.core.compilation import apart, stay_apart
 from hybrid_env.core.memory import BANK_COLUMNS, LANES
 
 ESTIMATES = BANK_COLUMNS["innovations"] + BANK_COLUMNS["innovation_covariances"]
 COVARIANCES = ESTIMATES + BANK_COLUMNS["estimates"]
 
 
-@seldom
+@apart
 def write_innovations(
     bank_ticks: FloatArray, b: int, block: Any, first: int, last: int, bank: Any, setting: Any
 ) -> None:
@@ -47,7 +47,7 @@ def write_innovations(
             row[2], row[3], row[4] = xx + noise_xx, xy + noise_xy, yy + noise_yy
 
 
-@seldom
+@apart
 def write_corrected(bank_ticks: FloatArray, b: int, first: int, last: int, bank: Any) -> None:
     """Write estimates and covariances of lanes first .. last - 1 of block b, after the filters
     have stepped.

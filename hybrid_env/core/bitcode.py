@@ -49,7 +49,8 @@ def path_of(name: str, folder: Path) -> Path:
 
 def save(kernel: Kernel, folder: Path) -> None:
     """Write the bitcode of a kernel into a folder. numba must be told to compile for any processor,
-    and to leave it to the loading one to make SIMD code of loops, see `tools/bitcode.py`.
+    and not to optimise, see `tools/bitcode.py`: functions are inlined and simplified here, and the
+    processor that loads them makes SIMD code of loops, which fully optimised ones no longer allow.
     """
     callback = cfunc(_KERNEL, **OPTIONS)(kernel)
     module = llvm.parse_assembly(callback.inspect_llvm())
@@ -57,6 +58,8 @@ def save(kernel: Kernel, folder: Path) -> None:
     for part in module.functions:
         if not part.is_declaration and part.name != name:
             part.linkage = "internal"
+    builder = _pass_builder(_machine("", ""), 1)
+    builder.getModulePassManager().run(module, builder)
     path_of(name, folder).write_bytes(lzma.compress(module.as_bitcode()))
 
 
@@ -72,8 +75,7 @@ def load(name: str, folder: Path = FOLDER) -> int:
     # It also tells LLVM where the functions of the C library are.
     prepare(call, 0, 0, announced=False)
     cpu, features = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
-    target = llvm.Target.from_triple(llvm.get_process_triple())
-    machine = target.create_target_machine(cpu=cpu, features=features, opt=3, jit=True)
+    machine = _machine(cpu, features)
     made_from = hashlib.sha256(f"{cpu} {features}".encode() + path.read_bytes())
     cache = cache_folder(__file__, __name__)
     kept = Path(cache, f"{name}-{made_from.hexdigest()[:16]}.o")
@@ -97,6 +99,21 @@ def load(name: str, folder: Path = FOLDER) -> int:
     return address
 
 
+def _machine(cpu: str, features: str) -> Any:
+    """Return the compiler for a processor of this system."""
+    target = llvm.Target.from_triple(llvm.get_process_triple())
+    return target.create_target_machine(cpu=cpu, features=features, opt=3, jit=True)
+
+
+def _pass_builder(machine: Any, level: int) -> Any:
+    """Return the builder of the passes of an optimisation level, at the highest one, 3, those of
+    numba.
+    """
+    tuning = llvm.PipelineTuningOptions(speed_level=level)
+    tuning.loop_vectorization, tuning.slp_vectorization = level == 3, False
+    return llvm.create_pass_builder(machine, tuning)
+
+
 def _machine_code(path: Path, machine: Any) -> bytes:
     """Return the object file of a kernel for a processor; b"" if the file is damaged or this LLVM
     cannot read it, if it is for another system, or if it calls more than functions of `math`.
@@ -107,11 +124,13 @@ def _machine_code(path: Path, machine: Any) -> bytes:
         return b""
     if module.triple != llvm.get_process_triple():
         return b""
-    # As numba does.
-    tuning = llvm.PipelineTuningOptions(speed_level=3)
-    tuning.loop_vectorization, tuning.slp_vectorization = True, False
-    builder = llvm.create_pass_builder(machine, tuning)
-    builder.getModulePassManager().run(module, builder)
+    builder = _pass_builder(machine, 3)
+    passes = builder.getModulePassManager()
+    # Unrolled loops show that no function raises an exception.
+    passes.add_ipsccp_pass()
+    passes.add_simplify_cfg_pass()
+    passes.add_global_dead_code_eliminate_pass()
+    passes.run(module, builder)
     called = {part.name for part in module.functions if part.is_declaration}
     called = {name for name in called if not name.startswith("llvm.")}
     # Nothing inside numba or Python, as to raise an exception.

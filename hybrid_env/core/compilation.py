@@ -56,9 +56,9 @@ with the same types, and which LLVM inlines: by itself it does not where there a
 Python runs it as it is.
 """
 
-seldom: Any = register_jitable(**OPTIONS, forceinline=False)
-"""The same for a function that few environments call, and that begins with `stay_apart()`: what is
-called often compiles faster, and to better code, without it.
+apart: Any = register_jitable(**OPTIONS, forceinline=False)
+"""The same for a function that begins with `stay_apart()`, where few environments call it or it is
+called in many places: what surrounds it compiles faster, and to better code.
 """
 
 

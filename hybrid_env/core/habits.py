@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_env.core.arrays import FloatArray
-from hybrid_env.core.compilation import internal, seldom, stay_apart
+from hybrid_env.core.compilation import apart, internal, stay_apart
 from hybrid_env.core.elementary import exp, log
 from hybrid_env.core.noise import integer_below, uniform
 
@@ -61,7 +61,7 @@ def _draw_mode_law(state: NDArray[np.uint64], lane: int, kind: int, law: Any) ->
             law[1, k] = law[0, k]
 
 
-@seldom
+@apart
 def draw_law(state: NDArray[np.uint64], lane: int, law: FloatArray) -> None:
     """Draw the laws of straight motion and turns, (2, 2, 3): mode, hump, and offset, span and
     mean.
@@ -78,7 +78,7 @@ def draw_law(state: NDArray[np.uint64], lane: int, law: FloatArray) -> None:
                 law[1, hump, k] = law[0, hump, k]
 
 
-@seldom
+@apart
 def draw_order(state: NDArray[np.uint64], lane: int, order: FloatArray) -> None:
     """Draw the probabilities of the next mode (column) by the present one, (M, M)."""
     stay_apart()
@@ -103,7 +103,7 @@ def draw_from_law(state: NDArray[np.uint64], lane: int, law: FloatArray, longest
     return int(min(max(ticks, 1.0), longest))
 
 
-@seldom
+@apart
 def draw_remaining(state: NDArray[np.uint64], lane: int, law: FloatArray, longest: int) -> int:
     """Return the ticks left at a random moment of segments of one mode; arguments as in
     `draw_from_law`.
@@ -116,7 +116,7 @@ def draw_remaining(state: NDArray[np.uint64], lane: int, law: FloatArray, longes
     return min(left, longest)
 
 
-@seldom
+@apart
 def draw_mode(state: NDArray[np.uint64], lane: int, probabilities: FloatArray) -> int:
     """Return a mode with the given probabilities, (M,)."""
     stay_apart()

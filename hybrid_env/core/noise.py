@@ -14,7 +14,7 @@ from numba import carray, cfunc, njit, types
 from numpy.typing import NDArray
 
 from hybrid_env.core.arrays import FloatArray
-from hybrid_env.core.compilation import inlined, internal, seldom, stay_apart
+from hybrid_env.core.compilation import apart, inlined, internal, stay_apart
 from hybrid_env.core.elementary import ONE, exp, float_of, log, sine_cosine
 from hybrid_env.core.errors import ArgumentError
 from hybrid_env.core.memory import LANES, address_as
@@ -101,20 +101,21 @@ def draw_noise(
         _draw_by_law(state, noise, first, last, setting)
 
 
-@internal
+@apart
 def draw_normals(
     state: NDArray[np.uint64], noise: FloatArray, first: int, last: int, ahead: int | None
 ) -> None:
     """Draw rows 0 to 3 of the noise, all of them of N(0, 1), see `draw_noise`; or of consecutive
     ticks of the lane `ahead` into columns first .. last - 1.
     """
+    stay_apart()
     for column in range(first, last):
         _draw_uniforms(state, column if ahead is None else ahead, noise, column)
     _to_normals(noise, 0, first, last)
     _to_normals(noise, 2, first, last)
 
 
-@seldom
+@apart
 def _draw_by_law(
     state: NDArray[np.uint64], noise: FloatArray, first: int, last: int, setting: Any
 ) -> None:

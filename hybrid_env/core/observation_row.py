@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hybrid_env.core.arrays import Float32Array, FloatArray
 from hybrid_env.core.banks.bank import estimate_of, likeliest
-from hybrid_env.core.compilation import inlined, internal, seldom, stay_apart
+from hybrid_env.core.compilation import apart, inlined, internal, stay_apart
 from hybrid_env.core.elementary import log
 from hybrid_env.core.memory import state_of
 from hybrid_env.core.motion import heading_vector
@@ -147,12 +147,13 @@ def mask_declarations(mask: NDArray[np.int8], others: float, setting: Any) -> No
         mask[action] = 0 if early else 1
 
 
-@internal
+@apart
 def write_twin(row: Float32Array, block: Any, lane: int, bank: Any, setting: Any) -> None:
     """Write the row of a track at a tick where it is not that of the bank: the measurement alone,
     see `RawLayout`; the true mode and state, of a problem that is fully observed, see
     `StateLayout`; or the innovations alone, see `InnovationsLayout`.
     """
+    stay_apart()
     ticks = TICK_SCALE * block.tick[lane]
     ticks_left = TICK_SCALE * (block.length[lane] - block.tick[lane])
     if setting.observation == RAW_ROW:
@@ -257,7 +258,7 @@ def write_heights(heights: Any, row: Float32Array, block: Any, lane: int, settin
         _write_heights(heights, row, block, lane, setting)
 
 
-@seldom
+@apart
 def _write_heights(heights: Any, row: Float32Array, block: Any, lane: int, setting: Any) -> None:
     """Do so where modes climb or descend."""
     stay_apart()

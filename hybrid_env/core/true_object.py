@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from hybrid_env.core.arrays import AnyArray, FloatArray
-from hybrid_env.core.compilation import internal, seldom, stay_apart
+from hybrid_env.core.compilation import apart, internal, stay_apart
 from hybrid_env.core.elementary import exp
 from hybrid_env.core.memory import SEGMENT_COLUMNS, arrays_of, state_of, write_lane
 from hybrid_env.core.motion import (
@@ -146,7 +146,7 @@ def move_lane(
     block.tick[lane] += 1
 
 
-@seldom
+@apart
 def _sense(
     block: Any,
     lane: int,
@@ -226,7 +226,7 @@ def _sense(
         block.measurement[0, lane] = block.measurement[1, lane] = np.nan
 
 
-@seldom
+@apart
 def _climb(block: Any, first: int, last: int, setting: Any) -> None:
     """Move the heights of lanes first .. last - 1 by one tick, and measure those of objects whose
     position is measured. The rate changes by process noise alone.

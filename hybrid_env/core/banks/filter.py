@@ -131,6 +131,30 @@ def predict_turn(state: Vector, p: Vector, model: Any) -> Filter:
 
 
 @internal
+def _straight_times(tau: float, rows: tuple[Vector, ...]) -> tuple[Vector, ...]:
+    """Return the rows of F A of a matrix A, (4, 4), where F moves [x, vx, y, vy] by a tick along a
+    straight line.
+    """
+    x, u, y, v = rows
+    return combination((1.0, tau), (x, u)), u, combination((1.0, tau), (y, v)), v
+
+
+@internal
+def predict_straight(state: Vector, p: Vector, model: Any) -> Filter:
+    """Return what `predict_turn` does of a turn of rate 0, of the first four of its states: the
+    others have no variance, and do not change.
+    """
+    x, u, y, v, centre_x, centre_y, _ = state
+    left = _straight_times(model.tau, rows_of(widened(of_four(p))))
+    p = upper_triangle(_straight_times(model.tau, transposed(left)))
+    Q, drift = model.process_variance, model.drift_variance
+    spread = (p[0] + drift, *p[1:4], p[4] + Q, *p[5:7], p[7] + drift, p[8], p[9] + Q)
+    # Rounded as a turn.
+    moved_x = centre_x + (x - centre_x) + model.tau * u
+    return (moved_x, u, centre_y + (y - centre_y) + model.tau * v, v), spread
+
+
+@internal
 def _coordinated_times(turn: State, rows: tuple[Vector, ...]) -> tuple[Vector, ...]:
     """Return the rows of F A of a matrix A, (4, 4), where F moves [x, vx, y, vy] by a tick; turn:
     from `turn_coefficients`, the last two times tau.

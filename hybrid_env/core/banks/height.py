@@ -16,7 +16,7 @@ from typing import Any
 
 from hybrid_env.core.arrays import FloatArray
 from hybrid_env.core.banks.filter import LOG_TWO_PI, condition_x
-from hybrid_env.core.compilation import internal, seldom, selected, stay_apart
+from hybrid_env.core.compilation import apart, internal, selected, stay_apart
 from hybrid_env.core.elementary import log
 from hybrid_env.core.memory import four_of, write_lane
 from hybrid_env.core.vectors import Vector, combination, minus_square, sandwich, widened
@@ -44,7 +44,7 @@ def begin_heights(heights: Any, bank: Any, block: Any, lane: int) -> None:
         _begin(heights, bank, block, lane)
 
 
-@seldom
+@apart
 def _begin(heights: Any, bank: Any, block: Any, lane: int) -> None:
     """Do so where modes climb or descend."""
     stay_apart()
@@ -75,7 +75,7 @@ def step_heights(
         _step(heights, bank, lowest, stop, first, last, measured, model)
 
 
-@seldom
+@apart
 def _step(
     heights: Any,
     bank: Any,
@@ -137,7 +137,7 @@ def estimate_heights(
         _estimate(heights, bank, block, chosen, first, last)
 
 
-@seldom
+@apart
 def _estimate(heights: Any, bank: Any, block: Any, chosen: Any, first: int, last: int) -> None:
     """Do so where modes climb or descend."""
     stay_apart()
@@ -151,7 +151,7 @@ def _estimate(heights: Any, bank: Any, block: Any, chosen: Any, first: int, last
         write_lane(block.height_variances, lane, (moments[2], moments[4]))
 
 
-@seldom
+@apart
 def mix_heights(bank: Any, h: int, first: int, last: int) -> None:
     """Write the mixed initial condition of the filter of mode h, of weights `likelihoods`."""
     stay_apart()
@@ -172,7 +172,7 @@ def step_mixed_heights(
         _step_mixed(heights, bank, first, last, measured, model)
 
 
-@seldom
+@apart
 def _step_mixed(
     heights: Any, bank: Any, first: int, last: int, measured: FloatArray, model: Any
 ) -> None:

@@ -54,7 +54,7 @@ from hybrid_env.core.banks.height import (
 )
 from hybrid_env.core.banks.posterior import compare, write_covariance, write_mean
 from hybrid_env.core.banks.sensing import correct_by_sensors
-from hybrid_env.core.compilation import internal, seldom, selected, stay_apart
+from hybrid_env.core.compilation import apart, internal, selected, stay_apart
 from hybrid_env.core.elementary import exp, log
 from hybrid_env.core.memory import DenseImmBank, ImmBank, Triangle4, state_of, triangle_of
 from hybrid_env.core.motion import heading_vector
@@ -191,7 +191,7 @@ def _mix_mode(bank: DenseImmBank, h: int, first: int, last: int) -> None:
         _mix_heights(bank, h, first, last)
 
 
-@seldom
+@apart
 def _mix_heights(bank: DenseImmBank, h: int, first: int, last: int) -> None:
     """Do the same for the heights."""
     stay_apart()

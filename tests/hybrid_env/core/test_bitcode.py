@@ -36,7 +36,8 @@ def folder(tmp_path, monkeypatch):
 def test_the_kernels_of_all_registered_ids_are_saved(monkeypatch, tmp_path):
     saved, needed = [], []
     tool = importlib.import_module("tools.bitcode")
-    monkeypatch.setattr(tool, "config", SimpleNamespace())
+    monkeypatch.setattr(tool, "config", SimpleNamespace(reload_config=lambda: None))
+    monkeypatch.setattr(tool, "os", SimpleNamespace(environ={}))
     monkeypatch.setattr(bitcode, "save", lambda kernel, folder: saved.append(kernel.__name__))
     monkeypatch.setattr(kernels, "load", lambda name: needed.append(name) or 1)
     kernels._ready.cache_clear()
