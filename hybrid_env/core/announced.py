@@ -25,7 +25,7 @@ from hybrid_env.core.banks.posterior import (
     write_covariance,
     write_mean,
 )
-from hybrid_env.core.compilation import inlined, internal
+from hybrid_env.core.compilation import apart, inlined, internal, stay_apart
 from hybrid_env.core.elementary import bits_of
 from hybrid_env.core.kernel import BEGUN, DECIDED, HALTED, TERMINATED
 from hybrid_env.core.memory import DECISION, LANES, arrays_of, state_of, triangle_of, write_lane
@@ -263,10 +263,13 @@ def wait_lane(block: Any, lane: int, i: int, bank: Any, setting: Any) -> int:
     return 0 if block.tick[lane] < block.length[lane] else HALTED
 
 
-@internal
-def _step_bank(b: int, block: Any, bank: Any, first: int, last: int, setting: Any) -> None:
+@apart
+def _step_bank(b: int, bank_class: type, first: int, last: int, setting: Any) -> None:
     """Advance the bank of lanes first .. last - 1 of block b by their measurements."""
-    arrays, model = arrays_of(setting), filter_model(setting)
+    stay_apart()
+    arrays = arrays_of(setting)
+    block, bank = arrays.blocks[b], operations.bank_of(bank_class, setting, b)
+    model = filter_model(setting)
     if setting.bank_rows > 0:
         write_innovations(arrays.bank_ticks, b, block, first, last, bank, setting)
     operations.step(bank, 0, bank.hypotheses.size, first, last, block, arrays.sensors, model)
@@ -280,25 +283,26 @@ def _step_bank(b: int, block: Any, bank: Any, first: int, last: int, setting: An
 
 
 @internal
-def tick(b: int, block: Any, bank: Any, first: int, last: int, setting: Any) -> None:
+def tick(b: int, bank_class: type, first: int, last: int, setting: Any) -> None:
     """Advance object and bank of lanes first .. last - 1 of block b."""
     arrays = arrays_of(setting)
+    block, bank = arrays.blocks[b], operations.bank_of(bank_class, setting, b)
     noise = arrays.scratch[0].noise
     move(block, noise, first, last, arrays.sensors, motions_of(bank), setting)
-    _step_bank(b, block, bank, first, last, setting)
+    _step_bank(b, bank_class, first, last, setting)
     for lane in range(first, last):
         trace = arrays.trace[b * LANES + lane]
         _record_estimate(block, lane, bank, trace, setting.merged)
 
 
-@internal
-def write_rows(
-    b: int, block: Any, bank: Any, first: int, last: int, begun: int, setting: Any
-) -> None:
+@apart
+def write_rows(b: int, bank_class: type, first: int, last: int, begun: int, setting: Any) -> None:
     """Write the rows of lanes first .. last - 1 of block b, and which declarations count. begun:
     one bit per lane, 1 where a segment begins.
     """
+    stay_apart()
     arrays = arrays_of(setting)
+    block, bank = arrays.blocks[b], operations.bank_of(bank_class, setting, b)
     scratch = arrays.scratch[0]
     # Else `_merge` has compared them.
     if not setting.merged:
@@ -360,8 +364,8 @@ def advance_live(begins: bool, bank_class: type, setting: Any) -> int:
     if decided:
         run_on(block, lane, bank, arrays, setting)
     else:
-        _step_bank(0, block, bank, lane, last, setting)
+        _step_bank(0, bank_class, lane, last, setting)
         begun = 1 if block.tick[0] == 1 else 0
-        write_rows(0, block, bank, lane, last, begun, setting)
+        write_rows(0, bank_class, lane, last, begun, setting)
     set_anchor(block, lane, bank, setting.merged)
     return 0

@@ -57,8 +57,9 @@ Python runs it as it is.
 """
 
 apart: Any = register_jitable(**OPTIONS, forceinline=False)
-"""The same for a function that begins with `stay_apart()`, where few environments call it or it is
-called in many places: what surrounds it compiles faster, and to better code.
+"""The same for a function that begins with `stay_apart()`: few environments call it, many places do,
+or it is long. The rest compiles faster, and to better code, without it. It takes few arguments, as
+every array is passed as seven numbers or more.
 """
 
 

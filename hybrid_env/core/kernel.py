@@ -60,11 +60,11 @@ def advance(reset: bool, process: Any, bank_class: type, setting: Any) -> int:
                     # compile to SIMD code.
                     start = np.uint64(first)
                     stop = np.uint64(lanes if all_running else first + 1)
-                    process.tick(b, block, bank, start, stop, setting)
+                    process.tick(b, bank_class, start, stop, setting)
         all_moved = moved == (1 << lanes) - 1
         for first in range(1 if all_moved else lanes):
             if moved & (1 << first):
                 start = np.uint64(first)
                 stop = np.uint64(lanes if all_moved else first + 1)
-                process.write_rows(b, block, bank, start, stop, begun, setting)
+                process.write_rows(b, bank_class, start, stop, begun, setting)
     return -1 - setting.tracks if setting.noise_failed else events & (DECIDED | TERMINATED)

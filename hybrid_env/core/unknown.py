@@ -127,9 +127,10 @@ def wait_lane(block: Any, lane: int, i: int, bank: Any, setting: Any) -> int:
 
 
 @internal
-def tick(b: int, block: Any, bank: Any, first: int, last: int, setting: Any) -> None:
+def tick(b: int, bank_class: type, first: int, last: int, setting: Any) -> None:
     """Advance object and bank of lanes first .. last - 1 of block b, and count the tick."""
     arrays = arrays_of(setting)
+    block, bank = arrays.blocks[b], operations.bank_of(bank_class, setting, b)
     sensors = arrays.sensors
     move(block, arrays.scratch[0].noise, first, last, sensors, motions_of(bank), setting)
     operations.step_imm(bank, block, first, last, arrays.radii, sensors, filter_model(setting))
@@ -139,11 +140,11 @@ def tick(b: int, block: Any, bank: Any, first: int, last: int, setting: Any) -> 
 
 
 @internal
-def write_rows(
-    b: int, block: Any, bank: Any, first: int, last: int, begun: int, setting: Any
-) -> None:
+def write_rows(b: int, bank_class: type, first: int, last: int, begun: int, setting: Any) -> None:
     """Write the rows of lanes first .. last - 1 of block b."""
-    arrays, heights = arrays_of(setting), heights_of(bank)
+    arrays = arrays_of(setting)
+    block, bank = arrays.blocks[b], operations.bank_of(bank_class, setting, b)
+    heights = heights_of(bank)
     for lane in range(first, last):
         row = arrays.observations[b * LANES + lane]
         write_quickest_row(row, block, lane, bank, setting)
@@ -176,5 +177,5 @@ def advance_live(begins: bool, bank_class: type, setting: Any) -> int:
         operations.step_imm(bank, block, first, last, arrays.radii, arrays.sensors, model)
         for lane in range(first, last):
             block.time[lane] += 1
-        write_rows(b, block, bank, first, last, 0, setting)
+        write_rows(b, bank_class, first, last, 0, setting)
     return 0
