@@ -57,9 +57,9 @@ Python runs it as it is.
 """
 
 apart: Any = register_jitable(**OPTIONS, forceinline=False)
-"""The same for a function that begins with `stay_apart()`: few environments call it, many places do,
-or it is long. The rest compiles faster, and to better code, without it. It takes few arguments, as
-every array is passed as seven numbers or more.
+"""The same for a function that begins with `stay_apart()`: few environments call it, many places
+do, or it is long. The rest compiles faster without it, and to better code. It takes few arguments,
+as an array is passed as seven numbers or more.
 """
 
 
