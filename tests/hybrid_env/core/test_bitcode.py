@@ -2,6 +2,8 @@
 
 import importlib
 import lzma
+import subprocess
+import sys
 from types import SimpleNamespace
 
 import pytest
@@ -49,6 +51,15 @@ def test_the_kernels_of_all_registered_ids_are_saved(monkeypatch, tmp_path):
         kernels._ready.cache_clear()
 
     assert sorted(saved) == sorted(needed)
+
+
+@pytest.mark.study
+def test_saved_kernels_are_loaded(folder):
+    subprocess.run([sys.executable, "-m", "tools.bitcode", str(folder)], check=True)
+
+    names = [path.name.partition("-")[0] for path in folder.iterdir()]
+    assert len(names) == 3
+    assert all(bitcode.load(name, folder) for name in names)
 
 
 def test_other_sources_or_checked_indices_compile(folder, monkeypatch):
