@@ -18,6 +18,7 @@ NEXT, SAME = AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP
 MADE = [
     ("HybridTrackPublished-v0", NEXT, BRIEF | {"noise": "levy 1.5 1 44", "bank_info": True}),
     ("HybridTrackPublished-v0", SAME, BRIEF | {"sensors": SENSORS, "missed": 0.4}),
+    ("HybridTrack-v0", SAME, BRIEF | {"decide_every": 1, "drift_variance": 0.02, "missed": 0.2}),
     ("HybridTrackBank-v0", NEXT, BRIEF | {"decide_every": 5, "missed": 0.3}),
     ("HybridTrackRaw-v0", SAME, BRIEF | {"decide_every": 4, "missed": 0.2}),
     ("HybridTrack-v0", NEXT, BRIEF | {"decide_every": 4, "evidence": 0.9}),

@@ -141,14 +141,13 @@ def _straight_times(tau: float, rows: tuple[Vector, ...]) -> tuple[Vector, ...]:
 
 @internal
 def predict_straight(state: Vector, p: Vector, model: Any) -> Filter:
-    """Return what `predict_turn` does of a turn of rate 0, of the first four of its states: the
-    others have no variance, and do not change.
+    """Return what `predict_turn` does of a turn of rate 0 without a drift, of the first four of its
+    states: the others have no variance, and do not change.
     """
     x, u, y, v, centre_x, centre_y, _ = state
     left = _straight_times(model.tau, rows_of(widened(of_four(p))))
     p = upper_triangle(_straight_times(model.tau, transposed(left)))
-    Q, drift = model.process_variance, model.drift_variance
-    spread = (p[0] + drift, *p[1:4], p[4] + Q, *p[5:7], p[7] + drift, p[8], p[9] + Q)
+    spread = (*p[:4], p[4] + model.process_variance, *p[5:9], p[9] + model.process_variance)
     # Rounded as a turn.
     moved_x = centre_x + (x - centre_x) + model.tau * u
     return (moved_x, u, centre_y + (y - centre_y) + model.tau * v, v), spread
