@@ -90,6 +90,7 @@ class TrackVectorEnv(OwnState, VectorEnv[Float32Array, IntArray, AnyArray]):
         # Shared by the info of all steps, and therefore read-only.
         self._every_track = np.ones(self.num_envs, bool)
         self._every_track.setflags(write=False)
+        self._no_track = ~self._every_track
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: Info | None = None
@@ -157,7 +158,7 @@ class TrackVectorEnv(OwnState, VectorEnv[Float32Array, IntArray, AnyArray]):
 
         terminated = world.terminated.copy()
         rewards = world.rewards.copy()
-        truncated = np.zeros(self.num_envs, bool)
+        truncated = self._no_track.copy()
         if begins is not None:
             self._record(self._every_track, begins)
             truncated = self._truncate(begins)
@@ -180,7 +181,8 @@ class TrackVectorEnv(OwnState, VectorEnv[Float32Array, IntArray, AnyArray]):
         else:
             # Most callers train: nothing else is made.
             info = {"action_mask": world.action_mask.copy(), "_action_mask": self._every_track}
-        info |= final
+        if final:
+            info |= final
         return world.take_rows(), rewards, terminated, truncated, info
 
     def close_extras(self, **kwargs: Any) -> None:
