@@ -24,7 +24,7 @@ from baselines.rules.decider import Actions, Variants
 from baselines.rules.measurements import MeasurementDecider, own_filters, sensors_of
 from baselines.rules.threshold import reachable_probabilities, state_modes
 from hybrid_env.checks import BoolArray, FloatArray, check_integer
-from hybrid_env.compiled import run_compiled
+from hybrid_env.compiled import LANES, run_compiled
 from hybrid_env.durations import Durations, GeometricDurations
 from hybrid_env.limits import MAX_LENGTH
 from hybrid_env.quickest_options import QuickestOptions
@@ -134,11 +134,13 @@ class BeamDecider(MeasurementDecider):
             sensors_of(options),
             joined,
             0,
+            # Filters are advanced in groups.
+            -(-self.branches // LANES) * LANES,
         )
 
     def begin(self, tracks: int) -> BeamState:
         """Return branches without meaning; see `MeasurementDecider.begin`."""
-        branches = branch_arrays(tracks, self.branches, self.hypotheses, self.model.prior.shape[1])
+        branches = branch_arrays(tracks, self.model)
         branches.counts[:] = 1
         stated = np.zeros((np.size(self.threshold), tracks), int)
         return BeamState(branches, np.zeros((tracks, self.hypotheses)), stated)
@@ -155,7 +157,7 @@ class BeamDecider(MeasurementDecider):
         run_compiled(
             walk_branches,
             state.branches,
-            walk_memory(state.branches, self.model),
+            walk_memory(),
             Walk(measurements[None], np.full(1, BY_LAW), 0, *nodes),
             state.log_probability,
             self.model,

@@ -74,13 +74,14 @@ HISTORY = np.dtype(
 
 
 class Branches(NamedTuple):
-    """The branches of N tracks, at most B for each; branch b is lane b % LANES of group b //
+    """The branches of N tracks, see `BeamModel.branches`; branch b is lane b % LANES of group b //
     LANES.
     """
 
-    # (N, B / LANES) records `AWARE_HYPOTHESIS`; `log_likelihood` is the log weight of the branch.
+    # (N, lanes / LANES) records `AWARE_HYPOTHESIS`; `log_likelihood` is the log weight of the
+    # branch.
     filters: AnyArray
-    # (N, B) records `HISTORY`
+    # (N, lanes) records `HISTORY`
     histories: AnyArray
     # (N,) number of branches.
     counts: IntArray
@@ -123,14 +124,15 @@ class BeamModel(NamedTuple):
     joined: bool
     # Largest number of last segments in which branches must agree to be merged, see `_group`.
     depth: int
+    # Largest number of branches of a track that are kept at a tick.
+    branches: int
 
 
-def branch_arrays(tracks: int, branches: int, modes: int = 0, laws: int = 0) -> Branches:
-    """Return `branches` empty branches for each track, rounded up to a multiple of LANES; they
-    learn if there are `laws`.
-    """
-    groups = -(-branches // LANES)
-    slots, modes = (groups * LANES + modes, modes) if laws else (0, 0)
+def branch_arrays(tracks: int, model: BeamModel) -> Branches:
+    """Return memory for the branches of some tracks, and for those that begin at a tick."""
+    laws, modes = model.prior.shape[1], model.motions.size
+    groups = -(-(model.branches + modes * groups_of(model)) // LANES)
+    slots, modes = (model.branches + modes, modes) if laws else (0, 0)
     habits = Habits(
         np.zeros((tracks, slots, 3, laws), np.float32),
         np.zeros((tracks, slots, laws), np.float32),
@@ -194,16 +196,6 @@ def begin_branches(branches: Branches, track: int, start: FloatArray, model: Bea
 
 
 @internal
-def _copy_branch(
-    source: Branches, source_track: int, b: int, target: Branches, track: int, c: int
-) -> None:
-    """Copy branch b of a track to branch c of another."""
-    old = source.filters[source_track, b // LANES]
-    copy_filter(old, b % LANES, target.filters[track, c // LANES], c % LANES)
-    target.histories[track, c] = source.histories[source_track, b]
-
-
-@internal
 def _moments_of(branches: Branches, track: int) -> FloatArray:
     """Return estimates and covariances of the branches of a track, (branches, 14), as in
     `estimate_in`.
@@ -219,28 +211,41 @@ def _moments_of(branches: Branches, track: int) -> FloatArray:
 
 
 @internal
-def _mixture_of(moments: FloatArray, shares: FloatArray, total: float) -> tuple[State, Triangle4]:
-    """Return mean and covariance of branches, whose moments are those of `_moments_of`, weighted by
-    shares (branches,) of a total.
+def _mix(
+    moments: FloatArray, weights: FloatArray, kinds: IntArray, totals: FloatArray, mixed: FloatArray
+) -> None:
+    """Write the moments of the mixture of each kind, (K, 14), and its weight, (K,).
+
+    Args:
+        moments: (n, 14) of what is mixed, as in `_moments_of`.
+        weights: (n,) of each.
+        kinds: (n,) of each.
+        totals: (K,) see above, written.
+        mixed: (K, 14) see above, written.
     """
-    mixed = np.zeros(14)
+    totals[:] = 0.0
+    mixed[:] = 0.0
+    shares = np.zeros(weights.size)
     difference = np.empty(4)
-    for b in range(shares.size):
-        if shares[b] > 0.0:
-            share = shares[b] / total
+    for b in range(weights.size):
+        totals[kinds[b]] += weights[b]
+    for b in range(weights.size):
+        kind = kinds[b]
+        if weights[b] > 0.0:
+            share = shares[b] = weights[b] / totals[kind]
             for k in range(4):
-                mixed[k] += share * moments[b, k]
-    for b in range(shares.size):
-        if shares[b] > 0.0:
-            share = shares[b] / total
+                mixed[kind, k] += share * moments[b, k]
+    for b in range(weights.size):
+        kind, share = kinds[b], shares[b]
+        if share > 0.0:
             for k in range(4):
-                difference[k] = moments[b, k] - mixed[k]
+                difference[k] = moments[b, k] - mixed[kind, k]
             k = 4
             for row in range(4):
                 for column in range(row, 4):
-                    mixed[k] += share * (moments[b, k] + difference[row] * difference[column])
+                    spread = moments[b, k] + difference[row] * difference[column]
+                    mixed[kind, k] += share * spread
                     k += 1
-    return estimate_in(mixed)
 
 
 @internal
@@ -253,9 +258,9 @@ def _agreement(one: IntArray, other: IntArray) -> int:
 
 
 @internal
-def groups_of(capacity: int, model: BeamModel) -> int:
-    """Return the largest number of groups among `capacity` branches, see `_group`."""
-    return max(1, capacity // model.motions.size) if model.depth > 0 else 1
+def groups_of(model: BeamModel) -> int:
+    """Return the largest number of groups of the branches of a track, see `_group`."""
+    return max(1, model.branches // model.motions.size) if model.depth > 0 else 1
 
 
 @internal
@@ -267,7 +272,7 @@ def _group(branches: Branches, track: int, model: BeamModel) -> None:
     """
     histories = branches.histories[track]
     count = branches.counts[track]
-    firsts = np.empty(groups_of(histories.size, model), np.int64)
+    firsts = np.empty(groups_of(model), np.int64)
     for depth in range(model.depth, -1, -1):
         groups = 0
         for b in range(count):
@@ -289,67 +294,91 @@ def _group(branches: Branches, track: int, model: BeamModel) -> None:
 
 
 @internal
-def _switch(
-    branches: Branches,
-    track: int,
-    weights: FloatArray,
-    children: Branches,
-    count: int,
-    free: IntArray,
-    all_shares: FloatArray,
-    tick: int,
-    model: BeamModel,
-) -> int:
-    """Write one child for every mode and group of parents, after `count` others: the mixture of
-    parents in other modes. Return their number.
+def _write_segments(
+    histories: AnyArray, weights: FloatArray, new: int, group: int, model: BeamModel
+) -> None:
+    """Write the segments before that of a new branch in which its parents agree.
 
-    weights: (branches,) probability of a branch and its end; free: (M,) slots for the habits of the
-    children; all_shares: (M, branches) is written: probabilities of each child and its parent.
+    Args:
+        histories: (lanes,) of the branches.
+        weights: (parents,) as of `_switch`.
+        new: number of the branch.
+        group: of its parents.
+        model: of the beam.
+    """
+    shares = np.empty(weights.size)
+    for b in range(weights.size):
+        follows = model.order[histories[b].mode, histories[new].mode]
+        shares[b] = weights[b] * follows if histories[b].group == group else 0.0
+    parent = -1
+    agreed = DEPTH - 1
+    least = 1e-9 * shares.max()
+    for b in range(shares.size):
+        # Less probable parents do not count.
+        if shares[b] > least:
+            parent = b if parent < 0 else parent
+            agreed = min(agreed, _agreement(histories[b].segments, histories[parent].segments))
+    for k in range(agreed):
+        histories[new].segments[1 + k] = histories[parent].segments[k]
+
+
+@internal
+def _switch(
+    branches: Branches, track: int, weights: FloatArray, tick: int, model: BeamModel
+) -> int:
+    """Begin a branch for every mode and group of parents, after the others: at the mixture of
+    parents in other modes. Return the number of all branches.
+
+    weights: (parents,) probability of a branch and its end.
     """
     learns = model.prior.size > 0
     modes = model.motions.size
     histories = branches.histories[track]
-    shares = np.zeros(weights.size)
+    count = weights.size
+    groups = 0
+    for b in range(count):
+        groups = max(groups, histories[b].group + 1)
     moments = _moments_of(branches, track)
+    free = np.empty(0, np.int64)
+    # What a branch has learned says which mode follows; otherwise its mode does, and all branches
+    # of a group and a mode are mixed before.
+    if learns:
+        free = free_slots(histories[:count], branches.habits)
+        totals = weights
+    else:
+        kinds = np.empty(count, np.int64)
+        for b in range(count):
+            kinds[b] = histories[b].group * modes + histories[b].mode
+        totals, parts = np.empty(groups * modes), np.empty((groups * modes, 14))
+        _mix(moments, weights, kinds, totals, parts)
+        moments = parts
+    # What each group consists of.
+    size = totals.size // groups
+    shares = np.empty(size)
+    together = np.zeros(size, np.int64)
+    total, mixed = np.empty(1), np.empty((1, 14))
     for mode in range(modes):
-        groups = 0
-        for b in range(weights.size):
-            history = histories[b]
-            groups = max(groups, history.group + 1)
-            if weights[b] == 0.0:
-                continue
-            probability = model.order[history.mode, mode]
-            if learns:
-                probability = branches.habits.following[track, history.slot, mode]
-            all_shares[mode, b] = weights[b] * probability
         for group in range(groups):
-            largest = 0.0
-            for b in range(weights.size):
-                shares[b] = all_shares[mode, b] if histories[b].group == group else 0.0
-                largest = max(largest, shares[b])
-            if largest == 0.0:
+            first = group * size
+            for k in range(size):
+                if learns:
+                    follows = branches.habits.following[track, histories[k].slot, mode]
+                else:
+                    follows = model.order[k, mode]
+                shares[k] = totals[first + k] * follows
+            _mix(moments[first : first + size], shares, together, total, mixed)
+            if total[0] == 0.0:
                 continue
-            total = 0.0
-            parent = -1
-            agreed = DEPTH
-            for b in range(weights.size):
-                # Less probable parents are left out of the mixture.
-                if shares[b] <= 1e-9 * largest:
-                    shares[b] = 0.0
-                    continue
-                total += shares[b]
-                parent = b if parent < 0 else parent
-                same = _agreement(histories[b].segments, histories[parent].segments)
-                agreed = min(agreed, same)
-            anchor, covariance = _mixture_of(moments, shares, total)
+            anchor, covariance = estimate_in(mixed[0])
             slot = free[mode] if learns else 0
-            weight = math.log(total)
-            begin_branch(children, 0, count, mode, LATER, slot, anchor, covariance, weight, model)
-            history = children.histories[0, count]
-            history.parents = group
-            history.segments[0] = tick * modes + mode
-            for k in range(min(agreed, DEPTH - 1)):
-                history.segments[1 + k] = histories[parent].segments[k]
+            begun = LATER, slot, anchor, covariance, math.log(total[0])
+            begin_branch(branches, track, count, mode, *begun, model)
+            histories[count].parents = group
+            histories[count].segments[0] = tick * modes + mode
+            if model.depth > 0:
+                _write_segments(histories, weights, count, group, model)
+            if learns:
+                merge_habits(branches.habits, track, slot, mode, shares, histories, model.tables)
             count += 1
     return count
 
@@ -364,49 +393,35 @@ def hazard_at(row: int, mode: int, age: int, ends: float, model: BeamModel) -> f
 
 
 @internal
-def _extend(
-    branches: Branches, track: int, children: Branches, ends: float, tick: int, model: BeamModel
-) -> tuple[int, FloatArray]:
-    """Write the continuations of all branches of a track to `children`, (1, ...), oldest first
-    if theirs are. ends: probability that a segment ends before the tick, or `BY_LAW`.
-
-    Return their number, and the probabilities of each child that begins and its parent, (M,
-    branches).
+def _extend(branches: Branches, track: int, ends: float, tick: int, model: BeamModel) -> int:
+    """Let all branches of a track continue, and begin those that follow them. Return the number of
+    both. ends: probability that a segment ends before the tick, or `BY_LAW`.
     """
-    count = 0
     learns = model.prior.size > 0
-    switches = np.zeros(branches.counts[track])
+    switches = np.empty(branches.counts[track])
+    filters, histories = branches.filters[track], branches.histories[track]
     for b in range(switches.size):
-        history = branches.histories[track, b]
+        history = histories[b]
         if learns:
             column = min(history.age, model.tables.shape[1]) - 1
-            hazard = expected_hazard(
-                branches.habits, track, history.slot, model.tables, history.row, column
-            )
+            arguments = branches.habits, track, history.slot, model.tables, history.row, column
+            history.hazard = expected_hazard(*arguments)
         else:
-            hazard = hazard_at(history.row, history.mode, history.age, ends, model)
-        weight = branches.filters[track, b // LANES].log_likelihood[b % LANES]
-        switches[b] = hazard * math.exp(weight)
-        if hazard < 1.0:
-            _copy_branch(branches, track, b, children, 0, count)
-            children.histories[0, count].age += 1
-            children.histories[0, count].hazard = hazard
-            continues = weight + math.log1p(-hazard)
-            children.filters[0, count // LANES].log_likelihood[count % LANES] = continues
-            count += 1
-    shares = np.zeros((model.motions.size, switches.size))
-    free = np.empty(0, np.int64)
-    if learns:
-        free = free_slots(branches.histories[track, : switches.size], branches.habits)
-    count = _switch(branches, track, switches, children, count, free, shares, tick, model)
-    return count, shares
+            history.hazard = hazard_at(history.row, history.mode, history.age, ends, model)
+        weight = filters[b // LANES].log_likelihood[b % LANES]
+        switches[b] = history.hazard * math.exp(weight)
+    count = _switch(branches, track, switches, tick, model)
+    for b in range(switches.size):
+        history = histories[b]
+        history.age += 1
+        continues = math.log1p(-history.hazard) if history.hazard < 1.0 else -np.inf
+        filters[b // LANES].log_likelihood[b % LANES] += continues
+    return count
 
 
 class WalkMemory(NamedTuple):
     """Temporary memory of a walk over branches."""
 
-    # (1, ...) continuations of the branches of a track.
-    children: Branches
     # (1,) record `INNOVATION`
     innovations: AnyArray
     # (1,) record `MEASURED`
@@ -415,12 +430,9 @@ class WalkMemory(NamedTuple):
     apart: AnyArray
 
 
-def walk_memory(branches: Branches, model: BeamModel) -> WalkMemory:
+def walk_memory() -> WalkMemory:
     """Return memory for a walk over branches."""
-    modes = model.motions.size
-    capacity = branches.histories.shape[1]
     return WalkMemory(
-        branch_arrays(1, modes + (2 if model.depth else 1) * capacity),
         aligned_zeros((1,), INNOVATION),
         aligned_zeros((1,), MEASURED),
         aligned_zeros((1,), AWARE_HYPOTHESIS),
@@ -449,30 +461,71 @@ class Walk(NamedTuple):
 
 
 @internal
-def _advance(children: Branches, group: int, memory: WalkMemory, model: BeamModel) -> None:
-    """Advance the filters of a group of branches by a tick.
+def _advance(
+    filters: AnyArray, histories: AnyArray, count: int, memory: WalkMemory, model: BeamModel
+) -> FloatArray:
+    """Advance the filters of a track by a tick, and return the negative logarithms of the weights
+    of its `count` branches.
 
-    Straight motion and turns have the same filter, whose lanes are advanced together; those of
-    linear modes are kept apart meanwhile, and advanced one by one.
+    Straight motion and turns have the same filter, and those of a group are advanced together;
+    those of linear modes are kept apart meanwhile, and advanced one by one.
     """
-    kalman = children.filters[0, group]
-    histories = children.histories[0, group * LANES : (group + 1) * LANES]
     apart, motions = memory.apart[0], model.motions
     innovation, measured = memory.innovations[0], memory.measured[0]
-    for lane in range(LANES):
-        if motions[histories[lane].mode].linear:
-            copy_filter(kalman, lane, apart, lane)
-    # With signed numbers the loop over lanes is no SIMD code.
-    first, last = np.uint64(0), np.uint64(LANES)
-    arguments = None, measured, model.sensors, model.filters
-    step_motion(kalman, innovation, first, last, *arguments)
-    for lane in range(LANES):
-        motion = motions[histories[lane].mode]
-        if motion.linear:
-            copy_filter(apart, lane, kalman, lane)
-            first = np.uint64(lane)
-            others = motion, measured, model.sensors, model.filters
-            step_motion(kalman, innovation, first, first + np.uint64(1), *others)
+    weights = np.empty(count)
+    for group in range((count + LANES - 1) // LANES):
+        kalman = filters[group]
+        start = group * LANES
+        for lane in range(LANES):
+            if motions[histories[start + lane].mode].linear:
+                copy_filter(kalman, lane, apart, lane)
+        # With signed numbers the loop over lanes is no SIMD code.
+        first, last = np.uint64(0), np.uint64(LANES)
+        arguments = None, measured, model.sensors, model.filters
+        step_motion(kalman, innovation, first, last, *arguments)
+        for lane in range(LANES):
+            motion = motions[histories[start + lane].mode]
+            if motion.linear:
+                copy_filter(apart, lane, kalman, lane)
+                first = np.uint64(lane)
+                others = motion, measured, model.sensors, model.filters
+                step_motion(kalman, innovation, first, first + np.uint64(1), *others)
+        for lane in range(min(LANES, count - start)):
+            weights[start + lane] = -kalman.log_likelihood[lane]
+    return weights
+
+
+@internal
+def _select(branches: Branches, track: int, weights: FloatArray, model: BeamModel) -> FloatArray:
+    """Keep the most probable branches of a track, or join some; return their weights.
+
+    weights: (n,) negative logarithms of the probabilities of its branches, changed.
+    """
+    if model.joined:
+        join_branches(branches.histories[track], weights, model.branches)
+    # Far less probable ones are left out; one that explains less for a while may be right.
+    largest = weights.min() + 150.0
+    kept = weights.size
+    b = 0
+    while b < kept:
+        if weights[b] <= largest:
+            b += 1
+        else:
+            kept -= 1
+            _move_last(branches, track, weights, kept, b)
+    while kept > model.branches:
+        kept -= 1
+        _move_last(branches, track, weights, kept, weights[: kept + 1].argmax())
+    return weights[:kept]
+
+
+@internal
+def _move_last(branches: Branches, track: int, weights: FloatArray, last: int, b: int) -> None:
+    """Put the last branch of a track, and its weight, in the place of branch b."""
+    weights[b] = weights[last]
+    filters, histories = branches.filters[track], branches.histories[track]
+    copy_filter(filters[last // LANES], last % LANES, filters[b // LANES], b % LANES)
+    histories[b] = histories[last]
 
 
 @compiled
@@ -486,65 +539,37 @@ def walk_branches(
     """Advance the branches of all tracks tick by tick, and write the log probabilities of the modes
     at the last one, (N, M).
     """
-    children, measured = memory.children, memory.measured
-    capacity = branches.histories.shape[1]
+    measured = memory.measured
     for each in range(walk.measurements.shape[0] * walk.measurements.shape[1]):
         track = each % walk.measurements.shape[1]
         tick = each // walk.measurements.shape[1]
+        filters, histories = branches.filters[track], branches.histories[track]
         for lane in range(LANES):
             write_measured(measured[0], lane, walk.measurements[tick, track])
         number = walk.first + tick
-        count, shares = _extend(branches, track, children, walk.ends[tick], number, model)
-        weights = np.empty(count)
-        for group in range((count + LANES - 1) // LANES):
-            _advance(children, group, memory, model)
-            kalman = children.filters[0, group]
-            for c in range(group * LANES, min(count, (group + 1) * LANES)):
-                weights[c] = -kalman.log_likelihood[c % LANES]
-        if model.joined:
-            order = join_branches(children.histories[0], weights, capacity)
-        else:
-            order = np.argsort(weights, kind="mergesort")
-        kept = min(order.size, capacity)
+        count = _extend(branches, track, walk.ends[tick], number, model)
+        weights = _advance(filters, histories, count, memory, model)
+        weights = _select(branches, track, weights, model)
         # The most probable branch has the smallest weight.
-        smallest = weights[order[:kept]].min()
-        # Far less probable ones are left out; one that explains less for a while may be right.
-        while not model.joined and weights[order[kept - 1]] - smallest > 150.0:
-            kept -= 1
-        probabilities = np.exp(smallest - weights[order[:kept]])
+        smallest = weights.min()
+        probabilities = np.exp(smallest - weights)
         total = probabilities.sum()
         probabilities /= total
         shift = smallest - math.log(total)
         log_probability[track] = 0.0
-        # Before their parents are overwritten.
-        for k in range(kept if model.prior.size > 0 else 0):
-            child = children.histories[0, order[k]]
-            if child.age == 1:
-                merge_habits(
-                    branches.habits,
-                    track,
-                    child.slot,
-                    child.mode,
-                    shares[child.mode],
-                    branches.histories[track],
-                    model.tables,
-                )
-        for k in range(kept):
-            c = order[k]
-            _copy_branch(children, 0, c, branches, track, k)
-            log_weight = shift - weights[c]
-            branches.filters[track, k // LANES].log_likelihood[k % LANES] = log_weight
-            log_probability[track, children.histories[0, c].mode] += probabilities[k]
-        branches.counts[track] = kept
+        for b in range(weights.size):
+            filters[b // LANES].log_likelihood[b % LANES] = shift - weights[b]
+            log_probability[track, histories[b].mode] += probabilities[b]
+        branches.counts[track] = weights.size
         branches.evidence[track] -= shift
         for mode in range(log_probability.shape[1]):
             log_probability[track, mode] = math.log(max(log_probability[track, mode], 1e-300))
         if model.depth > 0:
             _group(branches, track, model)
-        for b in range(kept if walk.nodes.size > 0 else 0):
-            history = branches.histories[track, b]
+        for b in range(weights.size if walk.nodes.size > 0 else 0):
+            history = histories[b]
             begun = history.segments[0] - number * model.motions.size
-            walk.nodes[tick, track, b] = begun * groups_of(capacity, model) + history.parents
+            walk.nodes[tick, track, b] = begun * groups_of(model) + history.parents
             walk.groups[tick, track, b] = history.group
             likely = probabilities[b] > SMALLEST
             walk.weights[tick, track, b] = probabilities[b] if likely else 0.0

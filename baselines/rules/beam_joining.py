@@ -11,29 +11,32 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_env.checks import FloatArray, IntArray
+from hybrid_env.checks import FloatArray
 from hybrid_env.compiled import internal
 
 
 @internal
-def join_branches(histories: Any, weights: FloatArray, capacity: int) -> IntArray:
-    """Return the branches that remain, in order, and change their weights.
+def join_branches(histories: Any, weights: FloatArray, capacity: int) -> None:
+    """Change the weights of branches to those of the ones that remain, infinite of others.
 
     Of two branches of one mode and row, neighbours in age, joining costs the harmonic sum of their
     probabilities times the logarithm of the ratio of their ages; omitting a branch costs its
     probability. The cheapest is done until `capacity` branches are left.
 
     Args:
-        histories: (B,) of the branches, oldest first, see `beam_filters.Branches`.
-        weights: (n,) negative logarithms of their probabilities, n of at most B branches.
+        histories: (B,) of the branches, see `beam_filters.Branches`.
+        weights: (n,) negative logarithms of their probabilities, n of at most B branches; those
+            with infinite ones do not remain.
         capacity: largest number that remains.
     """
     smallest = weights.min()
     shares = np.exp(smallest - weights)
     # Three ticks are added to the ages: the youngest are nearly the same.
     reach = np.log(histories.age[: weights.size] + 3.0)
-    kept = np.arange(weights.size)
-    left = weights.size
+    # Oldest first.
+    kept = np.argsort(-histories.age[: weights.size], kind="mergesort")
+    kept = kept[weights[kept] < np.inf]
+    left = kept.size
     # Place of the last branch of each mode and row.
     last = np.empty(2 * histories.mode.max() + 2, np.int64)
     while left > capacity:
@@ -66,6 +69,6 @@ def join_branches(histories: Any, weights: FloatArray, capacity: int) -> IntArra
         for k in range(goes, left - 1):
             kept[k] = kept[k + 1]
         left -= 1
+    weights[:] = np.inf
     for k in range(left):
         weights[kept[k]] = smallest - math.log(max(shares[kept[k]], 1e-300))
-    return kept[:left]

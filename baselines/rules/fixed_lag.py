@@ -59,14 +59,14 @@ class FixedLagSmoother:
         self._noise = np.array([options.variances[0], 0.0, options.variances[-1]])
         # Half of the segments of a beam that decides at once are enough, and take half the time.
         branches = max(32, 8 * options.hypotheses)
-        most, self.model = beam_of(options, branches, process_share)
+        self.model = beam_of(options, branches, process_share)
         self._options = options
         noise = self._noise_of(first)
         starts, rough = starts_of(start, first[:2], noise, options)
         seen, noises = with_velocities(options, first[None], noise[None])
         self._seen = np.full((lag + 1, seen.shape[1]), np.nan)
         self._noises = np.tile(noises, (lag + 1, 1))
-        self._walk = LatticeWalk(starts, most, self.model)
+        self._walk = LatticeWalk(starts, self.model)
         self._smoother = smoother_of(options, self._seen, self._noises, rough)
         self._arrays = self._walk.arrays(lag + 1)
         # 1 at ticks with a measurement.

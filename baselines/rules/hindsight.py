@@ -104,7 +104,7 @@ def smooth_modes(
     noises = np.tile([R[0], 0.0, R[-1]], (len(values), 1))
     if columns == 9:
         noises[measured] = R[0] * values[measured, 2:5]
-    most, model = beam_of(options, branches, process_share)
+    model = beam_of(options, branches, process_share)
     ends = np.full(len(values), BY_LAW)
     if switches is not None:
         ticks = [check_integer("switches", k, 0, len(values) - 1) for k in switches]
@@ -121,10 +121,10 @@ def smooth_modes(
     # Segments that are followed over all ticks of a recording whose histories are told apart by
     # more than the present segment, at most 4,096 at a tick.
     segments = 60_000
-    if branches is None and most * len(values) <= segments:
-        most = max(most, min(4_096, segments // len(values)))
-        model = model._replace(depth=DEPTH)
-    lattice = walk_lattice(values, starts, ends, most, model)
+    if branches is None and model.branches * len(values) <= segments:
+        most = max(model.branches, min(4_096, segments // len(values)))
+        model = model._replace(depth=DEPTH, branches=most)
+    lattice = walk_lattice(values, starts, ends, model)
     probabilities, log_likelihood = smooth_lattice(lattice, model), lattice.evidence
     # It is larger than all else of a long recording.
     del lattice
@@ -211,17 +211,13 @@ def _find_pieces(
     return pieces, moments, smoothed
 
 
-def beam_of(
-    options: QuickestOptions, branches: int | None, process_share: float
-) -> tuple[int, BeamModel]:
-    """Return the largest number of segments and the model of the beam; the arguments are those of
-    `smooth_modes`.
-    """
+def beam_of(options: QuickestOptions, branches: int | None, process_share: float) -> BeamModel:
+    """Return the model of the beam; the arguments are those of `smooth_modes`."""
     process_variance = process_share * options.process_variance
     if branches is None:
         branches = max(64, 8 * options.hypotheses)
-    decider = BeamDecider(replace(options, process_variance=process_variance), branches=branches)
-    return decider.branches, decider.model
+    options = replace(options, process_variance=process_variance)
+    return BeamDecider(options, branches=branches).model
 
 
 def with_velocities(

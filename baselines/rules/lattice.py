@@ -87,23 +87,22 @@ class LatticeWalk:
 
     Args:
         starts: (k, 14) see `_begin`, all equally probable.
-        branches: largest number of nodes at a tick.
-        model: without a prior of laws.
+        model: without a prior of laws; its branches are the nodes of a tick.
 
     Attributes:
         ticks: number of those that were walked.
         most: largest number of groups.
     """
 
-    def __init__(self, starts: FloatArray, branches: int, model: BeamModel):
+    def __init__(self, starts: FloatArray, model: BeamModel):
         modes = model.motions.size
+        model = model._replace(branches=max(model.branches, modes * len(starts)))
         self.model = model
-        self.branches = branch_arrays(1, max(branches, modes * len(starts)))
-        capacity = self.branches.histories.shape[1]
-        self.memory = walk_memory(self.branches, model)
+        self.branches = branch_arrays(1, model)
+        self.memory = walk_memory()
         self.log_probability = np.zeros((1, modes))
         self.ticks = 0
-        self.most = groups_of(capacity, model)
+        self.most = groups_of(model)
         run_compiled(_begin, self.branches, starts, model)
 
     def extend(
@@ -131,7 +130,7 @@ class LatticeWalk:
 
     def arrays(self, ticks: int) -> list[AnyArray]:
         """Return memory for nodes, groups and weights of some ticks, see `extend`."""
-        shape = ticks, 1, self.branches.histories.shape[1]
+        shape = ticks, 1, self.model.branches
         return [np.zeros(shape, kind) for kind in (np.int32, np.uint16, np.float32)]
 
     def lattice(self, offsets: IntArray, arrays: Sequence[AnyArray], ends: FloatArray) -> Lattice:
@@ -149,10 +148,10 @@ class LatticeWalk:
 
 
 def walk_lattice(
-    measurements: FloatArray, starts: FloatArray, ends: FloatArray, branches: int, model: BeamModel
+    measurements: FloatArray, starts: FloatArray, ends: FloatArray, model: BeamModel
 ) -> Lattice:
     """Walk over all measurements of a track; the arguments are those of `LatticeWalk`."""
-    walk = LatticeWalk(starts, branches, model)
+    walk = LatticeWalk(starts, model)
     kept = [np.zeros(0, array.dtype) for array in walk.arrays(0)]
     offsets = np.zeros(len(ends) + 1, int)
     # That many ticks are walked at a time.
