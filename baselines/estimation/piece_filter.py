@@ -26,16 +26,68 @@ that memory does not grow with all that it remembers.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from baselines.estimation.turns import STATES, turn_of
-from hybrid_env.checks import BoolArray, FloatArray, IntArray
+from hybrid_env.checks import AnyArray, BoolArray, FloatArray, IntArray
 from hybrid_env.compiled import compiled, internal
 
 # Number of begins on each side of that of a piece with which it is compared.
 REACH = 10
+
+
+# A segment of a track: 1 / radius of its mode, positive to the left, 0 of others; acceleration
+# along the heading at the begin, NaN of straight motion and turns; True if the object stands: that
+# it has no velocity is then measured; by which the first six states move in a tick, its derivative
+# by the turn rate, what is added, and the covariance of the noise; turn rate at which the motion is
+# linearised.
+SEGMENT = np.dtype(
+    [
+        ("curvature", float),
+        ("acceleration", float),
+        ("stands", bool),
+        ("F", float, (6, 6)),
+        ("slopes", float, (6, 6)),
+        ("B", float, (6,)),
+        ("Q", float, (6, 6)),
+        ("rate", float),
+    ],
+    align=True,
+)
+# What the filter remembers of a tick: state and covariance after it; the state by that of the tick
+# before; the gain of the measured coordinates, at most four, their innovations, and the inverse of
+# the covariance of these, 0 without a measurement.
+TICK = np.dtype(
+    [
+        ("state", float, (STATES,)),
+        ("covariance", float, (STATES, STATES)),
+        ("step", float, (STATES, STATES)),
+        ("gain", float, (STATES, 4)),
+        ("error", float, (4,)),
+        ("inverse", float, (4, 4)),
+    ]
+)
+# Temporary memory: arrays that are made anew at every tick take longer than their products.
+SCRATCH = np.dtype(
+    [
+        ("product", float, (STATES, STATES)),
+        ("left", float, (STATES, STATES)),
+        ("rows", float, (4, STATES)),
+        ("state", float, (STATES,)),
+    ]
+)
+
+
+class Measured(NamedTuple):
+    """What is measured at T ticks."""
+
+    # (T, m) positions [m], NaN if there is none, and if m is 4 velocities, likewise [m/s].
+    measurements: FloatArray
+    # (T, m / 2 + 2) covariances xx, xy, yy of the positions [m^2], and variances of a velocity
+    # [m^2/s^2].
+    noises: FloatArray
 
 
 class Segments(NamedTuple):
@@ -47,185 +99,133 @@ class Segments(NamedTuple):
     places: IntArray
     # (T,) True where one begins.
     begins: BoolArray
-    # (K,) 1 / radius of the mode, positive to the left; 0 of others.
-    curvatures: FloatArray
-    # (K,) acceleration along the heading at the begin; NaN of straight motion and turns.
-    accelerations: FloatArray
-    # (K,) True if the object stands: that it has no velocity is then measured.
-    stands: BoolArray
-    # (K, 6, 6) by which the first six states move in a tick, its derivative by the turn rate, what
-    # is added, and the covariance of the noise.
-    F: FloatArray
-    slopes: FloatArray
-    B: FloatArray
-    Q: FloatArray
-    # (K,) turn rate at which the motion is linearised.
-    rates: FloatArray
+    # (K,) records `SEGMENT`
+    records: AnyArray
     # Relative deviation of the curvature of a turn from that of its segment.
     spread: float
 
 
-class FilterMemory(NamedTuple):
-    """What the filter remembers of the n ticks of a block."""
-
-    # (n + 1, 7) and (n + 1, 7, 7), of which the first rows are those before the block.
-    states: FloatArray
-    covariances: FloatArray
-    # (n, 7, 7) of the state by that of the tick before.
-    steps: FloatArray
-    # (n, 7, m) of m measured coordinates.
-    gains: FloatArray
-    # (n, m) innovations, and (n, m, m) the inverses of their covariances, 0 without a measurement.
-    errors: FloatArray
-    inverses: FloatArray
-
-
 @internal
-def _times(left: FloatArray, right: FloatArray) -> FloatArray:
-    """Return the product of a matrix (n, m) and a matrix (m, 7). Products of so few numbers take
-    less time than calls of a library for matrices.
+def _carry(A: FloatArray, P: FloatArray, scratch: Any) -> None:
+    """Replace a symmetric matrix P of the state by A P A'. Products of so few numbers take less
+    time than calls of a library for matrices. scratch: record `SCRATCH`
     """
-    product = np.zeros((left.shape[0], STATES))
-    for i in range(left.shape[0]):
-        for k in range(left.shape[1]):
-            for j in range(STATES):
-                product[i, j] += left[i, k] * right[k, j]
-    return product
-
-
-@internal
-def _applied(A: FloatArray, x: FloatArray) -> FloatArray:
-    """Return the product of a matrix and a vector, see `_times`."""
-    product = np.empty(A.shape[0])
-    for i in range(A.shape[0]):
-        total = 0.0
-        for k in range(A.shape[1]):
-            total += A[i, k] * x[k]
-        product[i] = total
-    return product
-
-
-@internal
-def _carried(A: FloatArray, P: FloatArray) -> FloatArray:
-    """Return A P A' of matrices of the state, P symmetric."""
-    carried = np.empty((STATES, STATES))
-    row = np.empty(STATES)
+    product = scratch.product
     for i in range(STATES):
-        row[:] = 0.0
+        for j in range(STATES):
+            product[i, j] = 0.0
         for k in range(STATES):
             if A[i, k] != 0.0:
                 for j in range(STATES):
-                    row[j] += A[i, k] * P[k, j]
-        for j in range(i, STATES):
-            total = 0.0
-            for k in range(STATES):
-                total += row[k] * A[j, k]
-            carried[i, j] = carried[j, i] = total
-    return carried
+                    product[i, j] += A[i, k] * P[k, j]
+    for j in range(STATES):
+        for i in range(j + 1):
+            P[i, j] = 0.0
+        for k in range(STATES):
+            if A[j, k] != 0.0:
+                for i in range(j + 1):
+                    P[i, j] += product[i, k] * A[j, k]
+        for i in range(j):
+            P[j, i] = P[i, j]
 
 
 @internal
-def _begin(
-    x: FloatArray, P: FloatArray, place: int, segments: Segments, speed: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Begin a segment at the estimate of the one before.
+def _begin(now: Any, segment: Any, spread: float, speed: float, scratch: Any) -> FloatArray:
+    """Begin a segment at the estimate of the one before, and return the matrix (7, 7) of the state
+    by that before.
 
     Args:
-        x: (7,) state of the segment before, of which position and velocity count.
-        P: (7, 7) its covariance.
-        place: number of the segment.
-        segments: of the track.
+        now: record `TICK` with the state of the segment before, of which position and velocity
+            count, and its covariance; changed.
+        segment: record `SEGMENT`
+        spread: as of `Segments`.
         speed: of a turn if the estimate does not tell it, as after a stop [m/s].
-
-    Returns:
-        State (7,), covariance (7, 7), and the matrix (7, 7) of the state by that before.
+        scratch: record `SCRATCH`
     """
-    curvature, acceleration = segments.curvatures[place], segments.accelerations[place]
-    begun = np.zeros(STATES)
-    begun[:4] = x[:4]
+    x, P = now.state, now.covariance
     J = np.zeros((STATES, STATES))
     J[:4, :4] = np.eye(4)
     known = math.hypot(x[2], x[3])
     along = x[2:4] / max(known, 1e-300)
-    if math.isnan(acceleration):
-        begun[4:6] = x[2:4]
+    x[6] = 0.0
+    if math.isnan(segment.acceleration):
+        x[4:6] = x[2:4]
         J[4:6, 2:4] = np.eye(2)
         if P[2, 2] + P[3, 3] < known**2:
-            begun[6] = curvature * known
-            J[6, 2:4] = curvature * along
+            x[6] = segment.curvature * known
+            J[6, 2:4] = segment.curvature * along
         else:
-            begun[6] = curvature * speed
+            x[6] = segment.curvature * speed
     else:
         # Bounded as in `anchor_aware.begin_motion`.
-        slope = acceleration / max(known, math.sqrt(P[2, 2] + P[3, 3]), 1e-12)
-        begun[4:6] = acceleration * along
+        slope = segment.acceleration / max(known, math.sqrt(P[2, 2] + P[3, 3]), 1e-12)
+        x[4:6] = segment.acceleration * along
         J[4:6, 2:4] = slope * (np.eye(2) - np.outer(along, along))
-    spread = _carried(J, P)
-    spread[6, 6] += (segments.spread * begun[6]) ** 2
-    return begun, spread, J
+    _carry(J, P, scratch)
+    P[6, 6] += (spread * x[6]) ** 2
+    return J
 
 
 @internal
-def _predict(
-    x: FloatArray, P: FloatArray, A: FloatArray, place: int, segments: Segments
-) -> tuple[FloatArray, FloatArray]:
-    """Return state and covariance after a tick of a segment, and write the matrix (7, 7) of the
-    state by that before.
+def _predict(now: Any, segment: Any, scratch: Any) -> None:
+    """Advance state and covariance by a tick of a segment, and write the step; arguments as of
+    `_begin`.
     """
-    predicted = x.copy()
+    x, A, predicted = now.state, now.step, scratch.state
     for i in range(6):
         slope = 0.0
         for j in range(6):
-            A[i, j] = segments.F[place, i, j]
-            slope += segments.slopes[place, i, j] * x[j]
+            A[i, j] = segment.F[i, j]
+            slope += segment.slopes[i, j] * x[j]
         A[i, 6] = slope
-        predicted[i] = segments.B[place, i] + slope * (x[6] - segments.rates[place])
+        A[6, i] = 0.0
+        predicted[i] = segment.B[i] + slope * (x[6] - segment.rate)
         for j in range(6):
             predicted[i] += A[i, j] * x[j]
-    P = _carried(A, P)
+    A[6, 6] = 1.0
+    for i in range(6):
+        x[i] = predicted[i]
+    _carry(A, now.covariance, scratch)
     for i in range(6):
         for j in range(6):
-            P[i, j] += segments.Q[place, i, j]
-    return predicted, P
+            now.covariance[i, j] += segment.Q[i, j]
 
 
 @internal
 def _correct(
-    x: FloatArray,
-    P: FloatArray,
-    measurement: FloatArray,
-    noise: FloatArray,
-    stands: bool,
-    freedom: float,
-    inverse: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]:
-    """Return state and covariance after a measurement, the gain (7, m), the innovation (m,), and
-    the log-likelihood without its constant; of Student's t errors that of a normal one with the
-    noise that is used.
+    now: Any, segment: Any, tick: int, measured: Measured, freedom: float, scratch: Any
+) -> float:
+    """Correct a predicted state and its covariance by the measurement of a tick; write the gain,
+    the innovation, and the inverse of its covariance. Return the log-likelihood without its
+    constant; of Student's t errors that of a normal one with the noise that is used.
 
     Args:
-        x: (7,) predicted state.
-        P: (7, 7) its covariance.
-        measurement: (m,) position, NaN if there is none [m], and if m is 4 velocity, likewise
-            [m/s].
-        noise: covariance xx, xy, yy of the position [m^2], and variance of a velocity [m^2/s^2].
-        stands: whether the velocity is that of an object that stands.
+        now: as of `_begin`.
+        segment: likewise.
+        tick: number of the tick.
+        measured: see `Measured`.
         freedom: of Student's t errors; 0 is normal ones.
-        inverse: (m, m) of the covariance of the innovation, 0 of what does not correct the state,
-            written.
+        scratch: as of `_begin`.
     """
+    measurements, noises = measured
+    x, P, rows = now.state, now.covariance, scratch.rows
+    gain, error, inverse = now.gain, now.error, now.inverse
+    gain[:] = 0.0
+    error[:] = 0.0
     inverse[:] = 0.0
-    error = np.zeros(len(measurement))
-    gain = np.zeros((STATES, len(measurement)))
-    if math.isnan(measurement[0]):
-        return x, P, gain, error, 0.0
-    told = len(measurement) > 2 and not math.isnan(measurement[-1])
-    count = 4 if told and not stands else 2
-    error[:count] = measurement[:count] - x[:count]
+    if math.isnan(measurements[tick, 0]):
+        return 0.0
+    told = measurements.shape[1] > 2 and not math.isnan(measurements[tick, -1])
+    count = 4 if told and not segment.stands else 2
+    for k in range(count):
+        error[k] = measurements[tick, k] - x[k]
+        for j in range(STATES):
+            rows[k, j] = P[k, j]
+    variance = noises[tick, -1]
     weight = 1.0
     # To a robust likelihood the noise of a measurement that is far is larger.
     for _ in range(2 if freedom > 0.0 else 1):
-        xx, xy, yy = noise[0] / weight, noise[1] / weight, noise[2] / weight
+        xx, xy, yy = noises[tick, 0] / weight, noises[tick, 1] / weight, noises[tick, 2] / weight
         if count == 2:
             a, b, c = P[0, 0] + xx, P[0, 1] + xy, P[1, 1] + yy
             determinant = a * c - b * b
@@ -239,8 +239,8 @@ def _correct(
                 S[1, 0] + xy,
                 S[1, 1] + yy,
             )
-            S[2, 2] += noise[-1] / weight
-            S[3, 3] += noise[-1] / weight
+            S[2, 2] += variance / weight
+            S[3, 3] += variance / weight
             determinant = np.linalg.det(S)
             inverse[:] = np.linalg.inv(S)
         distance = 0.0
@@ -248,80 +248,80 @@ def _correct(
             for j in range(count):
                 distance += error[i] * inverse[i, j] * error[j]
         weight = min((freedom + count) / (freedom + distance), 1.0)
-    corrected = x.copy()
-    covariance = np.empty((STATES, STATES))
     for i in range(STATES):
         for j in range(count):
             for k in range(count):
-                gain[i, j] += P[i, k] * inverse[k, j]
-            corrected[i] += gain[i, j] * error[j]
+                gain[i, j] += rows[k, i] * inverse[k, j]
+            x[i] += gain[i, j] * error[j]
         for j in range(i, STATES):
             left = P[i, j]
             for k in range(count):
-                left -= gain[i, k] * P[k, j]
+                left -= gain[i, k] * rows[k, j]
             # Rounding errors that are not symmetric would grow.
-            covariance[i, j] = covariance[j, i] = left
+            P[i, j] = P[j, i] = left
     log_likelihood = -0.5 * (distance + math.log(determinant))
-    if told and stands:
-        square = measurement[2] ** 2 + measurement[3] ** 2
-        log_likelihood -= 0.5 * square / noise[-1] + math.log(noise[-1])
-    return corrected, covariance, gain, error, log_likelihood
+    if told and segment.stands:
+        square = measurements[tick, 2] ** 2 + measurements[tick, 3] ** 2
+        log_likelihood -= 0.5 * square / variance + math.log(variance)
+    return log_likelihood
+
+
+@internal
+def _copy_estimate(source: Any, target: Any) -> None:
+    """Copy state and covariance of a record `TICK` to another one."""
+    for i in range(STATES):
+        target.state[i] = source.state[i]
+        for j in range(STATES):
+            target.covariance[i, j] = source.covariance[i, j]
 
 
 @compiled
 def filter_block(
-    measurements: FloatArray,
-    noises: FloatArray,
+    measured: Measured,
     first: int,
+    end: int,
     segments: Segments,
     speed: float,
     freedom: float,
-    memory: FilterMemory,
+    memory: AnyArray,
     known: int,
 ) -> None:
     """Filter the ticks of a block and fill its memory.
 
     Args:
-        measurements: (T, m) up to the end of the block, see `PieceSmoother`.
-        noises: (T, m / 2 + 2) likewise.
+        measured: of the whole track.
         first: number of the first tick of the block.
+        end: that after its last one.
         segments: of the whole track.
         speed: as in `_begin`.
         freedom: of Student's t errors; 0 is normal ones.
-        memory: its first rows have state and covariance before the block.
+        memory: (n + 1,) records `TICK`, of which the first one is before the block.
         known: number of first ticks that the memory has already.
     """
-    x = memory.states[known].copy()
-    P = memory.covariances[known].copy()
-    A, J = np.eye(STATES), np.eye(STATES)
-    for k in range(known, len(measurements) - first):
-        place = segments.places[first + k]
-        begins = segments.begins[first + k]
-        if begins:
-            x, P, J = _begin(x, P, place, segments, speed)
-        x, P = _predict(x, P, A, place, segments)
-        memory.steps[k] = A @ J if begins else A
-        seen, noise = measurements[first + k], noises[first + k]
-        stands, inverse = segments.stands[place], memory.inverses[k]
-        x, P, gain, error, _ = _correct(x, P, seen, noise, stands, freedom, inverse)
-        memory.gains[k] = gain
-        memory.errors[k] = error
-        memory.states[k + 1] = x
-        memory.covariances[k + 1] = P
+    scratch = np.empty(1, SCRATCH)[0]
+    for k in range(known, end - first):
+        now, tick = memory[k + 1], first + k
+        segment = segments.records[segments.places[tick]]
+        _copy_estimate(memory[k], now)
+        if segments.begins[tick]:
+            J = _begin(now, segment, segments.spread, speed, scratch)
+            _predict(now, segment, scratch)
+            now.step[:] = now.step @ J
+        else:
+            _predict(now, segment, scratch)
+        _correct(now, segment, tick, measured, freedom, scratch)
 
 
 @compiled
 def compare_begins(
-    measurements: FloatArray,
-    noises: FloatArray,
+    measured: Measured,
     pieces: IntArray,
     segments: Segments,
     speed: float,
     freedom: float,
     numbers: IntArray,
     firsts: IntArray,
-    states: FloatArray,
-    covariances: FloatArray,
+    before: AnyArray,
     gradual: IntArray,
     stride: int,
     log_likelihoods: FloatArray,
@@ -330,115 +330,128 @@ def compare_begins(
     or gradually.
 
     Args:
-        measurements: as in `filter_block`.
-        noises: likewise.
+        measured: as in `filter_block`.
         pieces: (K, 3) as in `PieceSmoother.smooth`.
         segments: of the pieces, and then the same as they begin gradually.
         speed: as in `_begin`.
         freedom: as in `filter_block`.
         numbers: (n,) of the pieces, not the first one.
         firsts: (n,) first of the begins that are compared.
-        states: (n, 7) before these ticks.
-        covariances: (n, 7, 7) of the states.
+        before: (n,) records `TICK` before these ticks, changed.
         gradual: (G,) ticks for which they do, the first 0.
         stride: ticks between two begins that are compared.
         log_likelihoods: see `PieceSmoother.compare`, written.
     """
-    A = np.eye(STATES)
-    inverse = np.empty((measurements.shape[1], measurements.shape[1]))
+    scratch, other = np.empty(1, SCRATCH)[0], np.empty(1, TICK)[0]
+    records, spread = segments.records, segments.spread
     count = len(pieces)
     for row in range(len(numbers)):
         k = numbers[row]
         begin, end = pieces[k, 0], pieces[k, 1]
         # All ways are the same where the curvature does not change.
-        changes = segments.curvatures[k] != segments.curvatures[count + k]
+        changes = records[k].curvature != records[count + k].curvature
         ways = len(gradual) if changes else 1
-        x, P = states[row].copy(), covariances[row].copy()
-        before = 0.0
+        now = before[row]
+        sooner = 0.0
         # The begin itself is always compared.
         last = min(begin + REACH * stride, end - 2)
-        for now in range(firsts[row], max(last, begin) + 1, stride):
+        for moment in range(firsts[row], max(last, begin) + 1, stride):
             for g in range(ways):
-                log_likelihood = before
-                y, V = x, P
-                whole = now + gradual[g]
-                for tick in range(now, min(end, begin + 3 * REACH * stride)):
-                    place = k if tick >= whole else count + k
-                    if tick in (now, whole):
-                        y, V, _ = _begin(y, V, place, segments, speed)
-                    y, V = _predict(y, V, A, place, segments)
-                    seen, noise, stands = measurements[tick], noises[tick], segments.stands[place]
-                    y, V, _, _, more = _correct(y, V, seen, noise, stands, freedom, inverse)
-                    log_likelihood += more
-                log_likelihoods[row, g:, (now - begin) // stride + REACH] = log_likelihood
+                log_likelihood = sooner
+                _copy_estimate(now, other)
+                whole = moment + gradual[g]
+                for tick in range(moment, min(end, begin + 3 * REACH * stride)):
+                    segment = records[k if tick >= whole else count + k]
+                    if tick in (moment, whole):
+                        _begin(other, segment, spread, speed, scratch)
+                    _predict(other, segment, scratch)
+                    log_likelihood += _correct(other, segment, tick, measured, freedom, scratch)
+                log_likelihoods[row, g:, (moment - begin) // stride + REACH] = log_likelihood
             # The piece before goes on.
-            for tick in range(now, now + stride):
-                x, P = _predict(x, P, A, k - 1, segments)
-                seen, noise, stands = measurements[tick], noises[tick], segments.stands[k - 1]
-                x, P, _, _, more = _correct(x, P, seen, noise, stands, freedom, inverse)
-                before += more
+            for tick in range(moment, moment + stride):
+                _predict(now, records[k - 1], scratch)
+                sooner += _correct(now, records[k - 1], tick, measured, freedom, scratch)
 
 
 @compiled
 def compare_modes(
-    measurements: FloatArray,
-    noises: FloatArray,
+    measured: Measured,
     pieces: IntArray,
     modes: Segments,
     speed: float,
     freedom: float,
-    states: FloatArray,
-    covariances: FloatArray,
+    before: AnyArray,
     log_likelihoods: FloatArray,
 ) -> None:
     """Write how likely the measurements of some pieces are in each mode; the arguments are those of
     `compare_begins`, with the segments of all modes, and see `PieceSmoother.compare_modes`.
     """
-    A = np.eye(STATES)
-    inverse = np.empty((measurements.shape[1], measurements.shape[1]))
+    scratch, now = np.empty(1, SCRATCH)[0], np.empty(1, TICK)[0]
     for k in range(len(pieces)):
         for mode in range(log_likelihoods.shape[1]):
-            x, P, _ = _begin(states[k], covariances[k], mode, modes, speed)
+            segment = modes.records[mode]
+            _copy_estimate(before[k], now)
+            _begin(now, segment, modes.spread, speed, scratch)
             for tick in range(pieces[k, 0], min(pieces[k, 1], pieces[k, 0] + 10 * REACH)):
-                x, P = _predict(x, P, A, mode, modes)
-                seen, noise, stands = measurements[tick], noises[tick], modes.stands[mode]
-                x, P, _, _, more = _correct(x, P, seen, noise, stands, freedom, inverse)
-                log_likelihoods[k, mode] += more
+                _predict(now, segment, scratch)
+                log_likelihoods[k, mode] += _correct(now, segment, tick, measured, freedom, scratch)
 
 
 @internal
 def _smoothed(
-    memory: FilterMemory,
-    k: int,
+    now: Any,
     adjoint: FloatArray,
     information: FloatArray,
-    means: FloatArray,
-    covariances: FloatArray,
+    mean: FloatArray,
+    covariance: FloatArray,
+    scratch: Any,
 ) -> None:
-    """Write state and covariance of tick k of a block, given its later ticks too."""
-    P = memory.covariances[k + 1]
-    means[k] = memory.states[k + 1] - _applied(P, adjoint)
-    covariances[k] = P - _carried(P, information)
+    """Write state (7,) and covariance (7, 7) of a tick, a record `TICK`, given later ones too."""
+    x, P = now.state, now.covariance
+    covariance[:] = information
+    _carry(P, covariance, scratch)
+    for i in range(STATES):
+        mean[i] = x[i]
+        for j in range(STATES):
+            mean[i] -= P[i, j] * adjoint[j]
+            covariance[i, j] = P[i, j] - covariance[i, j]
 
 
 @internal
-def _go_back(memory: FilterMemory, k: int, adjoint: FloatArray, information: FloatArray) -> None:
-    """Bring what later ticks say to the begin of tick k of a block."""
-    inverse = memory.inverses[k]
-    step = memory.steps[k]
-    seen = step[: len(inverse)]
-    # The step, and what the correction by the measurement leaves of it.
-    left = (step - _times(memory.gains[k], seen)).T.copy()
-    weighted = _times(inverse, seen)
-    adjoint[:] = _applied(left, adjoint) - _applied(weighted.T, memory.errors[k])
-    information[:] = _carried(left, information) + _times(seen.T, weighted)
+def _go_back(now: Any, adjoint: FloatArray, information: FloatArray, m: int, scratch: Any) -> None:
+    """Bring what later ticks say to the begin of a tick, a record `TICK`, with m measured
+    coordinates.
+    """
+    step, gain = now.step, now.gain
+    left, weighted, new = scratch.left, scratch.rows, scratch.state
+    for j in range(STATES):
+        new[j] = 0.0
+        for n in range(m):
+            weighted[n, j] = 0.0
+            for other in range(m):
+                weighted[n, j] += now.inverse[n, other] * step[other, j]
+            new[j] -= weighted[n, j] * now.error[n]
+        # The step, and what the correction by the measurement leaves of it.
+        for i in range(STATES):
+            left[j, i] = step[i, j]
+            for n in range(m):
+                left[j, i] -= gain[i, n] * step[n, j]
+            new[j] += left[j, i] * adjoint[i]
+    for j in range(STATES):
+        adjoint[j] = new[j]
+    _carry(left, information, scratch)
+    for n in range(m):
+        for i in range(STATES):
+            for j in range(STATES):
+                information[i, j] += step[n, i] * weighted[n, j]
 
 
 @compiled
 def smooth_block(
-    memory: FilterMemory,
+    memory: AnyArray,
     adjoint: FloatArray,
     information: FloatArray,
+    m: int,
     means: FloatArray,
     covariances: FloatArray,
     turns: FloatArray,
@@ -449,26 +462,28 @@ def smooth_block(
         memory: of the block.
         adjoint: (7,) of the later blocks; it is brought to the begin of this one.
         information: (7, 7) likewise.
+        m: number of measured coordinates.
         means: (n, 7) smoothed states, written.
         covariances: (n, 7, 7) their covariances, written.
         turns: (n, 4) see `turns.TurnEstimate`, written.
     """
+    scratch = np.empty(1, SCRATCH)[0]
     for k in range(len(means) - 1, -1, -1):
-        _smoothed(memory, k, adjoint, information, means, covariances)
+        now = memory[k + 1]
+        _smoothed(now, adjoint, information, means[k], covariances[k], scratch)
         values = turn_of(means[k], covariances[k])
         for j in range(4):
             turns[k, j] = values[j]
-        _go_back(memory, k, adjoint, information)
+        _go_back(now, adjoint, information, m, scratch)
 
 
 @compiled
 def smooth_first(
-    measurements: FloatArray,
-    noises: FloatArray,
+    measured: Measured,
     segments: Segments,
     speed: float,
     freedom: float,
-    memory: FilterMemory,
+    memory: AnyArray,
     last: IntArray,
     means: FloatArray,
     covariances: FloatArray,
@@ -478,15 +493,15 @@ def smooth_first(
 
     The memory is that of a block that began one tick earlier, whose ticks had the segments `last`.
     """
+    ticks, m = measured.measurements.shape
     known = 0
     while known < len(last) - 1 and last[known + 1] == segments.places[known]:
         known += 1
-    for array in (memory.states, memory.errors):
-        array[:-1] = array[1:].copy()
-    for stack in (memory.covariances, memory.steps, memory.gains, memory.inverses):
-        stack[:-1] = stack[1:].copy()
-    filter_block(measurements, noises, 0, segments, speed, freedom, memory, known)
+    for k in range(ticks):
+        memory[k] = memory[k + 1]
+    filter_block(measured, 0, ticks, segments, speed, freedom, memory, known)
     adjoint, information = np.zeros(STATES), np.zeros((STATES, STATES))
-    for k in range(len(measurements) - 1, 0, -1):
-        _go_back(memory, k, adjoint, information)
-    _smoothed(memory, 0, adjoint, information, means, covariances)
+    scratch = np.empty(1, SCRATCH)[0]
+    for k in range(ticks, 1, -1):
+        _go_back(memory[k], adjoint, information, m, scratch)
+    _smoothed(memory[1], adjoint, information, means[0], covariances[0], scratch)

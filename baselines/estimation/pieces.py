@@ -8,7 +8,9 @@ from scipy.special import chdtri
 
 from baselines.estimation.piece_filter import (
     REACH,
-    FilterMemory,
+    SEGMENT,
+    TICK,
+    Measured,
     Segments,
     compare_begins,
     compare_modes,
@@ -96,15 +98,8 @@ class PieceSmoother:
         self.rates, self.radii = np.empty((2, 0))
         # Modes of the last call of `smooth_first`.
         self.last: IntArray | None = None
-        ticks, m = min(PIECE_TICKS, len(self.measurements)), self.measurements.shape[1]
-        self.memory = FilterMemory(
-            np.zeros((ticks + 1, STATES)),
-            np.zeros((ticks + 1, STATES, STATES)),
-            np.zeros((ticks, STATES, STATES)),
-            np.zeros((ticks, STATES, m)),
-            np.zeros((ticks, m)),
-            np.zeros((ticks, m, m)),
-        )
+        self.measured = Measured(self.measurements, self.noises)
+        self.memory = np.zeros(min(PIECE_TICKS, len(self.measurements)) + 1, TICK)
 
     def _segments(self, pieces: IntArray, of_pieces: AnyArray, rates: FloatArray) -> Segments:
         """Return the segments of pieces, (K, 3), with their records `MOTION` and turn rates."""
@@ -112,25 +107,26 @@ class PieceSmoother:
         # Places of the own states in [x, vx, y, vy, ax, ay] of a linear mode.
         states = [0, 2, 1, 3, 4, 5]
         own = np.ix_(states, states)
-        Q = np.zeros((len(of_pieces), 6, 6))
-        Q[:, [0, 1], [0, 1]] = self.drift_variance
-        Q[:, [2, 3], [2, 3]] = self.process_variance
-        Q[linear] = of_pieces["Q"][linear][:, own[0], own[1]]
-        B = np.where(linear[:, None], of_pieces["B"][:, states], 0.0)
-        F, slopes = _matrices(rates, self.tau)
-        F[linear], slopes[linear] = of_pieces["F"][linear][:, own[0], own[1]], 0.0
+        records = np.zeros(len(of_pieces), SEGMENT)
+        records["curvature"] = _curvatures(of_pieces)
+        records["acceleration"] = np.where(linear, of_pieces["acceleration"], np.nan)
+        records["stands"], records["rate"] = of_pieces["stands"], rates
+        records["F"], records["slopes"] = _matrices(rates, self.tau)
+        records["F"][linear] = of_pieces["F"][linear][:, own[0], own[1]]
+        records["slopes"][linear] = 0.0
+        records["B"] = np.where(linear[:, None], of_pieces["B"][:, states], 0.0)
+        records["Q"][:, [0, 1], [0, 1]] = self.drift_variance
+        records["Q"][:, [2, 3], [2, 3]] = self.process_variance
+        records["Q"][linear] = of_pieces["Q"][linear][:, own[0], own[1]]
         begins = np.zeros(len(self.measurements), bool)
         begins[pieces[:, 0]] = True
         places = np.repeat(np.arange(len(pieces)), pieces[:, 1] - pieces[:, 0])
-        accelerations = np.where(linear, of_pieces["acceleration"], np.nan)
-        curvatures = _curvatures(of_pieces)
-        modes = curvatures, accelerations, of_pieces["stands"]
-        return Segments(places, begins, *modes, F, slopes, B, Q, rates, SPREAD)
+        return Segments(places, begins, records, SPREAD)
 
     def _filter(self, first: int, segments: Segments) -> int:
         """Filter the block that begins at a tick, and return the number of its ticks."""
         end = min(first + PIECE_TICKS, len(self.measurements))
-        arguments = self.measurements[:end], self.noises, first, segments
+        arguments = self.measured, first, end, segments
         run_compiled(filter_block, *arguments, self.speed, self.freedom, self.memory, 0)
         return end - first
 
@@ -142,7 +138,7 @@ class PieceSmoother:
 
     def _anchor(self, state: FloatArray, covariance: FloatArray) -> None:
         """Let the next block begin with these."""
-        self.memory.states[0], self.memory.covariances[0] = state, covariance
+        self.memory["state"][0], self.memory["covariance"][0] = state, covariance
 
     def _rates(self, pieces: IntArray) -> FloatArray:
         """Return turn rates (K,) of pieces (K, 3): what was smoothed last where the middle of a
@@ -188,19 +184,19 @@ class PieceSmoother:
             self._anchor(*self.begin())
             anchors = []
             for first in range(0, ticks, PIECE_TICKS):
-                anchors.append((memory.states[0].copy(), memory.covariances[0].copy()))
-                count = self._filter(first, segments)
-                self._anchor(memory.states[count], memory.covariances[count])
+                anchors.append(memory[0].copy())
+                memory[0] = memory[self._filter(first, segments)]
             adjoint, information = np.zeros(STATES), np.zeros((STATES, STATES))
             found = np.zeros(ticks)
             for first, anchor in zip(
                 range(0, ticks, PIECE_TICKS)[::-1], anchors[::-1], strict=True
             ):
-                self._anchor(*anchor)
+                memory[0] = anchor
                 count = self._filter(first, segments)
                 part = slice(first, first + count)
                 smoothed = means[:count], spreads[:count], results[2][part]
-                run_compiled(smooth_block, memory, adjoint, information, *smoothed)
+                m = self.measurements.shape[1]
+                run_compiled(smooth_block, memory, adjoint, information, m, *smoothed)
                 results[0][part] = means[:count, ORDER]
                 results[1][part] = spreads[:count][:, ORDER_OF_BOTH[0], ORDER_OF_BOTH[1]]
                 found[part] = means[:count, 6]
@@ -224,40 +220,36 @@ class PieceSmoother:
             begins: (T,) True where a segment begins.
         """
         if self.last is None:
-            self.memory.states[1], self.memory.covariances[1] = self.begin()
+            self.memory["state"][1], self.memory["covariance"][1] = self.begin()
             self.last = np.full(len(modes), -1)
         segments = self._modes._replace(places=modes, begins=begins)
         means, spreads = np.empty((1, STATES)), np.empty((1, STATES, STATES))
-        arguments = self.measurements, self.noises, segments, self.speed, self.freedom
+        arguments = self.measured, segments, self.speed, self.freedom
         run_compiled(smooth_first, *arguments, self.memory, self.last, means, spreads)
         self.last = modes
         return means.take(ORDER), spreads[0][ORDER_OF_BOTH]
 
-    def _filtered(
-        self, ticks: IntArray, segments: Segments
-    ) -> tuple[FloatArray, FloatArray, float]:
-        """Return states (n, 7) and covariances (n, 7, 7) before some ticks (n,), from the
-        measurements before them, and how large innovations are: the median of their squared
-        normalised lengths, 1 if the model holds.
+    def _filtered(self, ticks: IntArray, segments: Segments) -> tuple[AnyArray, float]:
+        """Return records `TICK` before some ticks (n,), from the measurements before them, and how
+        large innovations are: the median of their squared normalised lengths, 1 if the model holds.
         """
-        states = np.zeros((len(ticks), STATES))
-        covariances = np.zeros((len(ticks), STATES, STATES))
-        memory = self.memory
+        before = np.zeros(len(ticks), TICK)
+        memory, m = self.memory, self.measurements.shape[1]
         distances = []
         self._anchor(*self.begin())
         for first in range(0, len(self.measurements), PIECE_TICKS):
             count = self._filter(first, segments)
-            errors, inverses = memory.errors[:count], memory.inverses[:count]
+            ticks_of = memory[1 : count + 1]
+            errors, inverses = ticks_of["error"][:, :m], ticks_of["inverse"][:, :m, :m]
             distances.append(np.einsum("ti,tij,tj->t", errors, inverses, errors))
             here = np.flatnonzero((ticks >= first) & (ticks < first + count))
-            states[here] = memory.states[ticks[here] - first]
-            covariances[here] = memory.covariances[ticks[here] - first]
-            self._anchor(memory.states[count], memory.covariances[count])
+            before[here] = memory[ticks[here] - first]
+            memory[0] = memory[count]
         measured = ~np.isnan(self.measurements[:, 0])
         # Over the median of the squared length of a normalised innovation.
-        expected = chdtri(self.measurements.shape[1], 0.5)
+        expected = chdtri(m, 0.5)
         misfit = np.median(np.concatenate(distances)[measured]) / expected
-        return states, covariances, float(misfit)
+        return before, float(misfit)
 
     def compare_modes(self, pieces: IntArray, numbers: IntArray) -> FloatArray:
         """Return log-likelihoods of what is measured in some pieces if they had other modes, (n,
@@ -269,10 +261,10 @@ class PieceSmoother:
         """
         segments = self._segments(pieces, self.motions[pieces[:, 2]], self._rates(pieces))
         some = pieces[numbers]
-        states, covariances, _ = self._filtered(some[:, 0], segments)
+        before, _ = self._filtered(some[:, 0], segments)
         compared = np.zeros((len(some), len(self.motions)))
-        arguments = self.measurements, self.noises, some, self._modes, self.speed, self.freedom
-        run_compiled(compare_modes, *arguments, states, covariances, compared)
+        arguments = self.measured, some, self._modes, self.speed, self.freedom
+        run_compiled(compare_modes, *arguments, before, compared)
         return compared
 
     def compare(
@@ -299,14 +291,14 @@ class PieceSmoother:
         segments = self._segments(pieces, np.concatenate([of_pieces, begun]), rates)
         # Relative deviation of the curvature of a turn from what was smoothed.
         segments = segments._replace(spread=0.2)
-        segments.Q[:] *= process_share
+        segments.records["Q"] *= process_share
         begins = pieces[numbers, 0]
-        before = begins - pieces[numbers - 1, 0] - 1
-        firsts = begins - stride * np.minimum(before // stride, REACH)
-        states, covariances, misfit = self._filtered(firsts, segments)
+        ticks = begins - pieces[numbers - 1, 0] - 1
+        firsts = begins - stride * np.minimum(ticks // stride, REACH)
+        before, misfit = self._filtered(firsts, segments)
         compared = np.full((len(numbers), len(gradual), 2 * REACH + 1), -np.inf)
-        arguments = self.measurements, self.noises, pieces, segments, self.speed, self.freedom
-        starts = numbers, firsts, states, covariances
+        arguments = self.measured, pieces, segments, self.speed, self.freedom
+        starts = numbers, firsts, before
         run_compiled(compare_begins, *arguments, *starts, stride * gradual, stride, compared)
         return compared, misfit
 
