@@ -90,6 +90,15 @@ class Measured(NamedTuple):
     noises: FloatArray
 
 
+class FilterMemory(NamedTuple):
+    """Memory of the filter."""
+
+    # (n + 1,) records `TICK` of the n ticks of a block, of which the first one is before it.
+    ticks: AnyArray
+    # (1,) record `SCRATCH`
+    scratch: AnyArray
+
+
 class Segments(NamedTuple):
     """What the K segments of a track are made of. Further rows are no part of the track: in
     `PieceSmoother.compare` the same segments as they begin gradually.
@@ -283,7 +292,7 @@ def filter_block(
     segments: Segments,
     speed: float,
     freedom: float,
-    memory: AnyArray,
+    memory: FilterMemory,
     known: int,
 ) -> None:
     """Filter the ticks of a block and fill its memory.
@@ -295,14 +304,14 @@ def filter_block(
         segments: of the whole track.
         speed: as in `_begin`.
         freedom: of Student's t errors; 0 is normal ones.
-        memory: (n + 1,) records `TICK`, of which the first one is before the block.
+        memory: of the block.
         known: number of first ticks that the memory has already.
     """
-    scratch = np.empty(1, SCRATCH)[0]
+    scratch = memory.scratch[0]
     for k in range(known, end - first):
-        now, tick = memory[k + 1], first + k
+        now, tick = memory.ticks[k + 1], first + k
         segment = segments.records[segments.places[tick]]
-        _copy_estimate(memory[k], now)
+        _copy_estimate(memory.ticks[k], now)
         if segments.begins[tick]:
             J = _begin(now, segment, segments.spread, speed, scratch)
             _predict(now, segment, scratch)
@@ -319,6 +328,7 @@ def compare_begins(
     segments: Segments,
     speed: float,
     freedom: float,
+    memory: FilterMemory,
     numbers: IntArray,
     firsts: IntArray,
     before: AnyArray,
@@ -335,6 +345,7 @@ def compare_begins(
         segments: of the pieces, and then the same as they begin gradually.
         speed: as in `_begin`.
         freedom: as in `filter_block`.
+        memory: its first tick is overwritten.
         numbers: (n,) of the pieces, not the first one.
         firsts: (n,) first of the begins that are compared.
         before: (n,) records `TICK` before these ticks, changed.
@@ -342,7 +353,7 @@ def compare_begins(
         stride: ticks between two begins that are compared.
         log_likelihoods: see `PieceSmoother.compare`, written.
     """
-    scratch, other = np.empty(1, SCRATCH)[0], np.empty(1, TICK)[0]
+    scratch, other = memory.scratch[0], memory.ticks[0]
     records, spread = segments.records, segments.spread
     count = len(pieces)
     for row in range(len(numbers)):
@@ -380,13 +391,14 @@ def compare_modes(
     modes: Segments,
     speed: float,
     freedom: float,
+    memory: FilterMemory,
     before: AnyArray,
     log_likelihoods: FloatArray,
 ) -> None:
     """Write how likely the measurements of some pieces are in each mode; the arguments are those of
     `compare_begins`, with the segments of all modes, and see `PieceSmoother.compare_modes`.
     """
-    scratch, now = np.empty(1, SCRATCH)[0], np.empty(1, TICK)[0]
+    scratch, now = memory.scratch[0], memory.ticks[0]
     for k in range(len(pieces)):
         for mode in range(log_likelihoods.shape[1]):
             segment = modes.records[mode]
@@ -448,7 +460,7 @@ def _go_back(now: Any, adjoint: FloatArray, information: FloatArray, m: int, scr
 
 @compiled
 def smooth_block(
-    memory: AnyArray,
+    memory: FilterMemory,
     adjoint: FloatArray,
     information: FloatArray,
     m: int,
@@ -467,9 +479,9 @@ def smooth_block(
         covariances: (n, 7, 7) their covariances, written.
         turns: (n, 4) see `turns.TurnEstimate`, written.
     """
-    scratch = np.empty(1, SCRATCH)[0]
+    scratch = memory.scratch[0]
     for k in range(len(means) - 1, -1, -1):
-        now = memory[k + 1]
+        now = memory.ticks[k + 1]
         _smoothed(now, adjoint, information, means[k], covariances[k], scratch)
         values = turn_of(means[k], covariances[k])
         for j in range(4):
@@ -483,7 +495,7 @@ def smooth_first(
     segments: Segments,
     speed: float,
     freedom: float,
-    memory: AnyArray,
+    memory: FilterMemory,
     last: IntArray,
     means: FloatArray,
     covariances: FloatArray,
@@ -498,10 +510,10 @@ def smooth_first(
     while known < len(last) - 1 and last[known + 1] == segments.places[known]:
         known += 1
     for k in range(ticks):
-        memory[k] = memory[k + 1]
+        memory.ticks[k] = memory.ticks[k + 1]
     filter_block(measured, 0, ticks, segments, speed, freedom, memory, known)
     adjoint, information = np.zeros(STATES), np.zeros((STATES, STATES))
-    scratch = np.empty(1, SCRATCH)[0]
+    scratch = memory.scratch[0]
     for k in range(ticks, 1, -1):
-        _go_back(memory[k], adjoint, information, m, scratch)
-    _smoothed(memory[1], adjoint, information, means[0], covariances[0], scratch)
+        _go_back(memory.ticks[k], adjoint, information, m, scratch)
+    _smoothed(memory.ticks[1], adjoint, information, means[0], covariances[0], scratch)

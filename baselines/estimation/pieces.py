@@ -8,8 +8,10 @@ from scipy.special import chdtri
 
 from baselines.estimation.piece_filter import (
     REACH,
+    SCRATCH,
     SEGMENT,
     TICK,
+    FilterMemory,
     Measured,
     Segments,
     compare_begins,
@@ -99,7 +101,8 @@ class PieceSmoother:
         # Modes of the last call of `smooth_first`.
         self.last: IntArray | None = None
         self.measured = Measured(self.measurements, self.noises)
-        self.memory = np.zeros(min(PIECE_TICKS, len(self.measurements)) + 1, TICK)
+        ticks = min(PIECE_TICKS, len(self.measurements)) + 1
+        self.memory = FilterMemory(np.zeros(ticks, TICK), np.zeros(1, SCRATCH))
 
     def _segments(self, pieces: IntArray, of_pieces: AnyArray, rates: FloatArray) -> Segments:
         """Return the segments of pieces, (K, 3), with their records `MOTION` and turn rates."""
@@ -138,7 +141,8 @@ class PieceSmoother:
 
     def _anchor(self, state: FloatArray, covariance: FloatArray) -> None:
         """Let the next block begin with these."""
-        self.memory["state"][0], self.memory["covariance"][0] = state, covariance
+        before = self.memory.ticks[:1]
+        before["state"], before["covariance"] = state, covariance
 
     def _rates(self, pieces: IntArray) -> FloatArray:
         """Return turn rates (K,) of pieces (K, 3): what was smoothed last where the middle of a
@@ -184,14 +188,14 @@ class PieceSmoother:
             self._anchor(*self.begin())
             anchors = []
             for first in range(0, ticks, PIECE_TICKS):
-                anchors.append(memory[0].copy())
-                memory[0] = memory[self._filter(first, segments)]
+                anchors.append(memory.ticks[0].copy())
+                memory.ticks[0] = memory.ticks[self._filter(first, segments)]
             adjoint, information = np.zeros(STATES), np.zeros((STATES, STATES))
             found = np.zeros(ticks)
             for first, anchor in zip(
                 range(0, ticks, PIECE_TICKS)[::-1], anchors[::-1], strict=True
             ):
-                memory[0] = anchor
+                memory.ticks[0] = anchor
                 count = self._filter(first, segments)
                 part = slice(first, first + count)
                 smoothed = means[:count], spreads[:count], results[2][part]
@@ -220,7 +224,8 @@ class PieceSmoother:
             begins: (T,) True where a segment begins.
         """
         if self.last is None:
-            self.memory["state"][1], self.memory["covariance"][1] = self.begin()
+            first = self.memory.ticks[1:2]
+            first["state"], first["covariance"] = self.begin()
             self.last = np.full(len(modes), -1)
         segments = self._modes._replace(places=modes, begins=begins)
         means, spreads = np.empty((1, STATES)), np.empty((1, STATES, STATES))
@@ -234,7 +239,7 @@ class PieceSmoother:
         large innovations are: the median of their squared normalised lengths, 1 if the model holds.
         """
         before = np.zeros(len(ticks), TICK)
-        memory, m = self.memory, self.measurements.shape[1]
+        memory, m = self.memory.ticks, self.measurements.shape[1]
         distances = []
         self._anchor(*self.begin())
         for first in range(0, len(self.measurements), PIECE_TICKS):
@@ -263,7 +268,7 @@ class PieceSmoother:
         some = pieces[numbers]
         before, _ = self._filtered(some[:, 0], segments)
         compared = np.zeros((len(some), len(self.motions)))
-        arguments = self.measured, some, self._modes, self.speed, self.freedom
+        arguments = self.measured, some, self._modes, self.speed, self.freedom, self.memory
         run_compiled(compare_modes, *arguments, before, compared)
         return compared
 
@@ -297,7 +302,7 @@ class PieceSmoother:
         firsts = begins - stride * np.minimum(ticks // stride, REACH)
         before, misfit = self._filtered(firsts, segments)
         compared = np.full((len(numbers), len(gradual), 2 * REACH + 1), -np.inf)
-        arguments = self.measured, pieces, segments, self.speed, self.freedom
+        arguments = self.measured, pieces, segments, self.speed, self.freedom, self.memory
         starts = numbers, firsts, before
         run_compiled(compare_begins, *arguments, *starts, stride * gradual, stride, compared)
         return compared, misfit
