@@ -71,11 +71,11 @@ def _without_outliers(grid: TickGrid) -> list[Piece]:
     pieces = []
     for piece in grid.pieces:
         rows = np.flatnonzero(piece.measured)
-        numbers, differences = _differences(rows, piece.measurements[rows], 5)
+        first, differences = _differences(rows, piece.measurements[rows], 5)
         # In standard deviations; the measurement in the middle has the largest weight.
         size = np.abs(differences).max(1) / np.sqrt(noise)
         around = np.max([np.roll(size, shift) for shift in (-2, -1, 1, 2)], axis=0)
-        pieces.append(piece.without(rows[numbers[(size > FAR) & (size >= around), 2]]))
+        pieces.append(piece.without(rows[first[(size > FAR) & (size >= around)] + 2]))
     return pieces
 
 
@@ -85,31 +85,31 @@ def _without_bursts(grid: TickGrid) -> list[Piece]:
     between two jumps are errors of the sensor. Where a jump remains, a new piece begins.
     """
     noise = noise_estimate(grid) or 0.0
-    steps = np.concatenate([_steps(piece)[1] for piece in grid.pieces])
-    if len(steps) < 5:
+    steps_of = [_steps(piece) for piece in grid.pieces]
+    every = np.concatenate([steps for _, steps in steps_of])
+    if len(every) < 5:
         return list(grid.pieces)
     # Noise alone explains steps that long, and motion alone those in a tick: five usual ones.
     longest = FAR * math.sqrt(2.0 * noise)
-    fastest = 5.0 * float(np.quantile(np.hypot(*steps.T), 0.9))
+    fastest = 5.0 * float(np.quantile(np.hypot(*every.T), 0.9))
     if longest == fastest == 0.0:
         return list(grid.pieces)
     pieces = []
-    for piece in grid.pieces:
-        rows, steps = _steps(piece)
+    for piece, (rows, steps) in zip(grid.pieces, steps_of, strict=True):
         limits = longest / np.diff(rows) + fastest
         change = np.pad(np.hypot(*np.diff(steps, axis=0).T), 1, constant_values=np.inf)
         jump = (np.hypot(*steps.T) > limits) & (np.minimum(change[:-1], change[1:]) > 0.5 * limits)
         runs = np.split(rows, np.flatnonzero(jump) + 1)
         most = min(10, max(map(len, runs)) - 1)
         kept = [run for run in runs if len(run) > most or len(runs) == 1]
-        wrong = np.setdiff1d(rows, np.concatenate(kept))
+        short = [run for run in runs if len(run) <= most and len(runs) > 1]
         borders = [0]
         for before, after in pairwise(kept):
             a, b = before[-1], after[0]
             apart = np.hypot(*(piece.measurements[b] - piece.measurements[a]))
             if apart > longest + fastest * (b - a):
                 borders.append(int(b))
-        pieces += piece.without(wrong).split(borders)
+        pieces += piece.without(np.concatenate([rows[:0], *short])).split(borders)
     return pieces
 
 
@@ -193,19 +193,24 @@ def step_length(grid: TickGrid, ticks: int = 1, share: float = 0.5) -> float | N
 
 
 def _differences(times: AnyArray, values: FloatArray, points: int) -> tuple[IntArray, FloatArray]:
-    """Return numbers of rows, (k, p), and divided differences, (k, m), of p = `points` successive
-    values, (n, m), at increasing times, (n,). Differences have unit noise, and cancel polynomials
+    """Return the first rows (k,) of p = `points` successive values, (n, m), at increasing times,
+    (n,), and their divided differences, (k, m). Differences have unit noise, and cancel polynomials
     of degree p - 2.
     """
-    if len(times) < points:
-        return np.zeros((0, points), int), np.zeros((0, values.shape[1]))
-    rows = np.lib.stride_tricks.sliding_window_view(np.arange(len(times)), points)
-    span = times[rows[:, -1]] - times[rows[:, 0]]
+    count = len(times) - points + 1
+    if count < 1:
+        return np.zeros(0, int), np.zeros((0, values.shape[1]))
+    at = [slice(k, k + count) for k in range(points)]
+    differences, squares = np.zeros((count, values.shape[1])), np.zeros(count)
+    for here in at:
+        weights = np.ones(count)
+        for other in at:
+            if other != here:
+                weights /= times[here] - times[other]
+        differences += weights[:, None] * (values[here] - values[at[0]])
+        squares += weights**2
+    differences /= np.sqrt(squares)[:, None]
+    span = times[at[-1]] - times[at[0]]
     # Span of four or five measurements, over the median span.
-    rows = rows[span <= 2.0 * np.median(span)]
-    passed = (times[rows] - times[rows[:, :1]]).T.astype(float, order="C")
-    apart = passed[:, None] - passed + np.eye(points)[:, :, None]
-    weights = 1.0 / apart.prod(1)
-    weights /= np.sqrt((weights**2).sum(0))
-    near = values[rows]
-    return rows, np.einsum("pa,apm->am", weights, near - near[:, :1])
+    first = np.flatnonzero(span <= 2.0 * np.median(span))
+    return first, differences[first]
