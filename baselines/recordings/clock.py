@@ -8,6 +8,10 @@ from typing import Any
 import numpy as np
 
 from hybrid_env.checks import reject
+from hybrid_env.compiled import internal
+
+# Share of a new distance in the mean distance.
+GAIN = 0.2
 
 
 def number_of(time: Any) -> float:
@@ -22,6 +26,32 @@ def number_of(time: Any) -> float:
         if not isinstance(time, (bool, np.bool_, np.timedelta64)) and isinstance(time, Real):
             return float(time)
     raise reject("time", time, "a number, NaN if it is not known, or a date")
+
+
+@internal
+def advance(time: float, last: float, mean: float, tau: float) -> tuple[int, float, float, float]:
+    """Return the number of ticks since the last one, the time less that of its tick, the time of
+    this tick, and the mean distance; see `TickClock`.
+
+    Args:
+        time: of a measurement, at any time after the first one.
+        last: time of the last tick.
+        mean: distance of the last measurements.
+        tau: length of a tick.
+    """
+    passed = time - last
+    ticks = max(round((passed - mean) / tau), 1)
+    late = passed - ticks * tau
+    if late < -tau:
+        return 0, passed, last, max(passed, -0.5 * tau)
+    mean += GAIN * (late - mean)
+    # The ticks follow from .6 of a tick on.
+    shift = round(mean / (1.2 * tau))
+    ticks += shift
+    late -= shift * tau
+    # Errors of rounding are no distance.
+    late = late if abs(late) > 1e-6 * tau else 0.0
+    return ticks, late, last + ticks * tau, mean - shift * tau
 
 
 class TickClock:
@@ -39,9 +69,6 @@ class TickClock:
         time: of the last tick, in the unit of tau; None before the first time.
     """
 
-    # Share of a new distance in the mean distance.
-    gain = 0.2
-
     def __init__(self, tau: float):
         self.tau = tau
         self.time: float | None = None
@@ -56,22 +83,8 @@ class TickClock:
         if self.time is None:
             self.time = time
             return 1, 0.0
-        tau = self.tau
-        passed = time - self.time
-        ticks = max(round((passed - self._mean) / tau), 1)
-        late = passed - ticks * tau
-        if late < -tau:
-            self._mean = max(passed, -0.5 * tau)
-            return 0, passed
-        self._mean += self.gain * (late - self._mean)
-        # The ticks follow from .6 of a tick on.
-        shift = round(self._mean / (1.2 * tau))
-        ticks += shift
-        late -= shift * tau
-        self._mean -= shift * tau
-        self.time += ticks * tau
-        # Errors of rounding are no distance.
-        return ticks, late if abs(late) > 1e-6 * tau else 0.0
+        ticks, late, self.time, self._mean = advance(time, self.time, self._mean, self.tau)
+        return ticks, late
 
     def tick(self) -> None:
         """Advance by a tick without a time."""

@@ -14,9 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from baselines.recordings.clock import TickClock
+from baselines.recordings.clock import GAIN, advance
 from baselines.recordings.recording import Recording
 from hybrid_env.checks import BoolArray, FloatArray, IntArray, reject
+from hybrid_env.compiled import compiled, run_compiled
 from hybrid_env.sensors import Radar
 
 MAX_TICKS = 5_000_000
@@ -163,9 +164,8 @@ def clock_ticks(times: FloatArray, tau: float) -> tuple[IntArray, FloatArray]:
     """Return the tick of every time, from 0, and the time less that of its tick, (n,) each, as the
     clock of a live tracker gives them.
     """
-    clock = TickClock(tau)
-    advanced = [clock.advance(time) for time in times.tolist()]
-    ticks, late = np.transpose(advanced)
+    ticks, late = np.ones(len(times)), np.zeros(len(times))
+    run_compiled(_advance_all, times, tau, ticks, late)
     total = float(ticks.sum())
     if total > MAX_TICKS:
         raise reject(
@@ -178,7 +178,9 @@ def _regular(times_of: list[FloatArray], tick: float) -> float | None:
     """Return the tick of a clock that jitters: the slope of the times over the numbers of their
     ticks. None for a clock whose errors add up.
     """
-    numbers = [_follow(times, tick) for times in times_of]
+    numbers = [np.zeros(len(times)) for times in times_of]
+    for times, of_piece in zip(times_of, numbers, strict=True):
+        run_compiled(_follow, times, tick, of_piece)
     # Of the rows of every piece, less their means.
     n, t = (
         np.concatenate([values - values.mean() for values in of_pieces])
@@ -190,19 +192,26 @@ def _regular(times_of: list[FloatArray], tick: float) -> float | None:
     return tau if np.abs(t - tau * n).max() <= 0.6 * tau else None
 
 
-def _follow(times: FloatArray, tick: float) -> FloatArray:
-    """Return the number of ticks of every time since the first: the next one of a clock that is set
+@compiled
+def _advance_all(times: FloatArray, tau: float, ticks: FloatArray, late: FloatArray) -> None:
+    """Write what the clock says of all times but the first one."""
+    last, mean = times[0], 0.0
+    for k in range(1, len(times)):
+        ticks[k], late[k], last, mean = advance(times[k], last, mean, tau)
+
+
+@compiled
+def _follow(times: FloatArray, tick: float, numbers: FloatArray) -> None:
+    """Write the number of ticks of every time since the first: the next one of a clock that is set
     forward or back by a part of its error after every row, so that neither jitter nor a tick that
     is not exactly known adds up.
     """
-    numbers = np.zeros(len(times))
-    clock = float(times[0])
-    for k, time in enumerate(times[1:].tolist(), start=1):
-        passed = min(max(round((time - clock) / tick), 1), MAX_TICKS)
+    clock = times[0]
+    for k in range(1, len(times)):
+        passed = min(max(round((times[k] - clock) / tick), 1), MAX_TICKS)
         numbers[k] = numbers[k - 1] + passed
         clock += passed * tick
-        clock += TickClock.gain * (time - clock)
-    return numbers
+        clock += GAIN * (times[k] - clock)
 
 
 def _irregular(times_of: list[FloatArray], tick: float) -> float:

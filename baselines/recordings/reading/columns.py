@@ -90,7 +90,10 @@ def find_columns(
         roles["object"] = numbered_column(table, "object", object_column)
     counts = table.frame.count()
     for role in kept:
-        different = {k: table.frame[k].nunique() for k in found.get(role, ())}
+        candidates = found.get(role, ())
+        # A single one need not be compared.
+        compared = role == "object" or len(candidates) > 1
+        different = {k: table.frame[k].nunique() if compared else 1 for k in candidates}
         if role == "object":
             # What differs in every row is a number of the row.
             different = {k: n for k, n in different.items() if n < max(counts[k], 2)}

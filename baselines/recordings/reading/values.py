@@ -148,7 +148,7 @@ def parse_times(
     if pd.api.types.is_datetime64_any_dtype(cells):
         return _from_dates(_dates(cells), "dates")
     texts = texts_of(cells).str.removesuffix(" UTC")
-    texts = texts.str.replace(r"(?<=:\d\d),(?=\d)", ".", regex=True)
+    texts = texts.str.replace(r"(:\d\d),(\d)", r"\1.\2", regex=True)
     if dates is not None and texts.str.match(r"\d{1,2}:\d|\d{5,6}(?:\.\d*)?$").mean() > 0.5:
         both = texts_of(dates) + " " + texts
         times = _recognised(both) if unit is None or "%" not in unit else _formed(both, unit)
