@@ -27,6 +27,8 @@ ANGLES = tuple(float(angle) for angle in 0.004 * 2.0 ** (0.5 * np.arange(17)))
 SMALLEST_ANGLE = 0.2 / 75.0
 # Difference of log-likelihoods beyond the criterion: the filters are only an approximation.
 CLEARLY = 5.0
+# Ticks of a long recording that tell well enough how an object stops.
+ENOUGH = 200_000
 
 
 # Logarithm of the likelihood of a recording; the number of modes may differ.
@@ -334,11 +336,17 @@ def with_stop(grid: TickGrid, moving: TrackModel, whole: TrackModel, longest: fl
         for model in (moving, whole)
     ]
     models = [*stopping, moving, whole]
-    passes = [model.run(grid, (), 2048)[0] for model in models]
-    values = [each.log_likelihood for each in passes]
-    best = int(np.argmax(values[:2]))
     margin = -CLEARLY if longest >= 2.0 else CLEARLY
-    stops = max(values[:2]) > max(values[2:]) + margin
+    # All of a long recording only if a part of it shows no stop.
+    for most in (ENOUGH, math.inf):
+        passes = [model.run(grid, (), 2048, most)[0] for model in models]
+        values = [each.log_likelihood for each in passes]
+        count = np.count_nonzero(~np.isnan(passes[0].white[:, :, 0]))
+        # Stops of the whole recording look like turns, whose radii explain a little more.
+        best = int(values[1] > values[0] + 0.005 * count)
+        stops = max(values[:2]) > max(values[2:]) + margin
+        if stops or grid.total <= most:
+            break
     # Given radii are those of the object.
     if not stops or ("radii" in moving.estimated and _turns_are_noise(models[best])):
         return whole
@@ -352,11 +360,9 @@ def _with_stopping(grid: TickGrid, model: TrackModel) -> TrackModel:
     """Return a model with a stop that also knows how the object slows down to it, if that explains
     the recording better.
     """
-    # Ticks of a long recording that tell it well enough.
-    most = 200_000
 
     def likelihood(modes: tuple[Mode, ...]) -> float:
-        return replace(model, modes=modes).run(grid, (), 2048, most)[0].log_likelihood
+        return replace(model, modes=modes).run(grid, (), 2048, ENOUGH)[0].log_likelihood
 
     # A time within a factor of two is good enough.
     times = [model.tau * ticks for ticks in (1.5, 4.5, 13.5, 40.5)]
