@@ -69,15 +69,6 @@ TICK = np.dtype(
         ("inverse", float, (4, 4)),
     ]
 )
-# Temporary memory: arrays that are made anew at every tick take longer than their products.
-SCRATCH = np.dtype(
-    [
-        ("product", float, (STATES, STATES)),
-        ("left", float, (STATES, STATES)),
-        ("rows", float, (4, STATES)),
-        ("state", float, (STATES,)),
-    ]
-)
 
 
 class Measured(NamedTuple):
@@ -95,8 +86,20 @@ class FilterMemory(NamedTuple):
 
     # (n + 1,) records `TICK` of the n ticks of a block, of which the first one is before it.
     ticks: AnyArray
-    # (1,) record `SCRATCH`
+    # (1,) record of products at a tick: arrays that are made anew take longer.
     scratch: AnyArray
+
+
+def filter_memory(ticks: int) -> FilterMemory:
+    """Return memory for blocks of so many ticks."""
+    square = STATES, STATES
+    scratch = [
+        ("product", float, square),
+        ("left", float, square),
+        ("rows", float, (4, STATES)),
+        ("state", float, (STATES,)),
+    ]
+    return FilterMemory(np.zeros(ticks + 1, TICK), np.zeros(1, scratch))
 
 
 class Segments(NamedTuple):
@@ -117,7 +120,7 @@ class Segments(NamedTuple):
 @internal
 def _carry(A: FloatArray, P: FloatArray, scratch: Any) -> None:
     """Replace a symmetric matrix P of the state by A P A'. Products of so few numbers take less
-    time than calls of a library for matrices. scratch: record `SCRATCH`
+    time than calls of a library for matrices. scratch: record of `FilterMemory`
     """
     product = scratch.product
     for i in range(STATES):
@@ -149,7 +152,7 @@ def _begin(now: Any, segment: Any, spread: float, speed: float, scratch: Any) ->
         segment: record `SEGMENT`
         spread: as of `Segments`.
         speed: of a turn if the estimate does not tell it, as after a stop [m/s].
-        scratch: record `SCRATCH`
+        scratch: record of `FilterMemory`
     """
     x, P = now.state, now.covariance
     J = np.zeros((STATES, STATES))

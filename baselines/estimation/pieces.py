@@ -8,15 +8,14 @@ from scipy.special import chdtri
 
 from baselines.estimation.piece_filter import (
     REACH,
-    SCRATCH,
     SEGMENT,
     TICK,
-    FilterMemory,
     Measured,
     Segments,
     compare_begins,
     compare_modes,
     filter_block,
+    filter_memory,
     smooth_block,
     smooth_first,
 )
@@ -101,8 +100,7 @@ class PieceSmoother:
         # Modes of the last call of `smooth_first`.
         self.last: IntArray | None = None
         self.measured = Measured(self.measurements, self.noises)
-        ticks = min(PIECE_TICKS, len(self.measurements)) + 1
-        self.memory = FilterMemory(np.zeros(ticks, TICK), np.zeros(1, SCRATCH))
+        self.memory = filter_memory(min(PIECE_TICKS, len(self.measurements)))
 
     def _segments(self, pieces: IntArray, of_pieces: AnyArray, rates: FloatArray) -> Segments:
         """Return the segments of pieces, (K, 3), with their records `MOTION` and turn rates."""

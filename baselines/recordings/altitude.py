@@ -14,8 +14,6 @@ from scipy.sparse import csr_array, hstack
 
 from hybrid_env.checks import BoolArray, FloatArray, IntArray
 
-# Rows of a longer recording are joined to so many means.
-MOST = 20_000
 # Rows of the shortest piece.
 SHORTEST = 4
 
@@ -94,7 +92,8 @@ def _fitted_line(t: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray, 
     """Return the corners (K + 1,) of the line through altitudes, its values there, the standard
     deviations (K,) of its rates, and that of the errors of the altitudes.
     """
-    every = -(-len(t) // MOST)
+    # Rows of a longer recording are joined to so many means.
+    every = -(-len(t) // 20_000)
     starts = np.arange(0, len(t), every)
     if every > 1:
         t, z = (np.add.reduceat(v, starts) / np.diff(np.append(starts, len(t))) for v in (t, z))

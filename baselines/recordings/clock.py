@@ -10,9 +10,6 @@ import numpy as np
 from hybrid_env.checks import reject
 from hybrid_env.compiled import internal
 
-# Share of a new distance in the mean distance.
-GAIN = 0.2
-
 
 def number_of(time: Any) -> float:
     """Return a time as a number, of a date that since 1970 [s]; it may be NaN or infinite."""
@@ -29,7 +26,9 @@ def number_of(time: Any) -> float:
 
 
 @internal
-def advance(time: float, last: float, mean: float, tau: float) -> tuple[int, float, float, float]:
+def advance(
+    time: float, last: float, mean: float, tau: float, gain: float
+) -> tuple[int, float, float, float]:
     """Return the number of ticks since the last one, the time less that of its tick, the time of
     this tick, and the mean distance; see `TickClock`.
 
@@ -38,13 +37,14 @@ def advance(time: float, last: float, mean: float, tau: float) -> tuple[int, flo
         last: time of the last tick.
         mean: distance of the last measurements.
         tau: length of a tick.
+        gain: as of `TickClock`.
     """
     passed = time - last
     ticks = max(round((passed - mean) / tau), 1)
     late = passed - ticks * tau
     if late < -tau:
         return 0, passed, last, max(passed, -0.5 * tau)
-    mean += GAIN * (late - mean)
+    mean += gain * (late - mean)
     # The ticks follow from .6 of a tick on.
     shift = round(mean / (1.2 * tau))
     ticks += shift
@@ -69,6 +69,9 @@ class TickClock:
         time: of the last tick, in the unit of tau; None before the first time.
     """
 
+    # Share of a new distance in the mean distance.
+    gain = 0.2
+
     def __init__(self, tau: float):
         self.tau = tau
         self.time: float | None = None
@@ -83,7 +86,8 @@ class TickClock:
         if self.time is None:
             self.time = time
             return 1, 0.0
-        ticks, late, self.time, self._mean = advance(time, self.time, self._mean, self.tau)
+        known = self.time, self._mean, self.tau, self.gain
+        ticks, late, self.time, self._mean = advance(time, *known)
         return ticks, late
 
     def tick(self) -> None:

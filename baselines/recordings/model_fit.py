@@ -27,8 +27,6 @@ ANGLES = tuple(float(angle) for angle in 0.004 * 2.0 ** (0.5 * np.arange(17)))
 SMALLEST_ANGLE = 0.2 / 75.0
 # Difference of log-likelihoods beyond the criterion: the filters are only an approximation.
 CLEARLY = 5.0
-# Ticks of a long recording that tell well enough how an object stops.
-ENOUGH = 200_000
 
 
 # Logarithm of the likelihood of a recording; the number of modes may differ.
@@ -337,8 +335,8 @@ def with_stop(grid: TickGrid, moving: TrackModel, whole: TrackModel, longest: fl
     ]
     models = [*stopping, moving, whole]
     margin = -CLEARLY if longest >= 2.0 else CLEARLY
-    # All of a long recording only if a part of it shows no stop.
-    for most in (ENOUGH, math.inf):
+    # So many ticks of a long recording, and all only if they show no stop.
+    for most in (200_000, math.inf):
         passes = [model.run(grid, (), 2048, most)[0] for model in models]
         values = [each.log_likelihood for each in passes]
         count = np.count_nonzero(~np.isnan(passes[0].white[:, :, 0]))
@@ -353,16 +351,16 @@ def with_stop(grid: TickGrid, moving: TrackModel, whole: TrackModel, longest: fl
     found = models[best]
     if "duration" in moving.estimated:
         found = replace(found, duration=_counted_duration(passes[best]))
-    return _with_stopping(grid, found)
+    return _with_stopping(grid, found, most)
 
 
-def _with_stopping(grid: TickGrid, model: TrackModel) -> TrackModel:
+def _with_stopping(grid: TickGrid, model: TrackModel, most: float) -> TrackModel:
     """Return a model with a stop that also knows how the object slows down to it, if that explains
-    the recording better.
+    the recording, or a part with at most so many ticks, better.
     """
 
     def likelihood(modes: tuple[Mode, ...]) -> float:
-        return replace(model, modes=modes).run(grid, (), 2048, ENOUGH)[0].log_likelihood
+        return replace(model, modes=modes).run(grid, (), 2048, most)[0].log_likelihood
 
     # A time within a factor of two is good enough.
     times = [model.tau * ticks for ticks in (1.5, 4.5, 13.5, 40.5)]

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from baselines.recordings.clock import GAIN, advance
+from baselines.recordings.clock import TickClock, advance
 from baselines.recordings.recording import Recording
 from hybrid_env.checks import BoolArray, FloatArray, IntArray, reject
 from hybrid_env.compiled import compiled, run_compiled
@@ -165,7 +165,7 @@ def clock_ticks(times: FloatArray, tau: float) -> tuple[IntArray, FloatArray]:
     clock of a live tracker gives them.
     """
     ticks, late = np.ones(len(times)), np.zeros(len(times))
-    run_compiled(_advance_all, times, tau, ticks, late)
+    run_compiled(_advance_all, times, tau, TickClock.gain, ticks, late)
     total = float(ticks.sum())
     if total > MAX_TICKS:
         raise reject(
@@ -180,7 +180,7 @@ def _regular(times_of: list[FloatArray], tick: float) -> float | None:
     """
     numbers = [np.zeros(len(times)) for times in times_of]
     for times, of_piece in zip(times_of, numbers, strict=True):
-        run_compiled(_follow, times, tick, of_piece)
+        run_compiled(_follow, times, tick, TickClock.gain, of_piece)
     # Of the rows of every piece, less their means.
     n, t = (
         np.concatenate([values - values.mean() for values in of_pieces])
@@ -193,15 +193,17 @@ def _regular(times_of: list[FloatArray], tick: float) -> float | None:
 
 
 @compiled
-def _advance_all(times: FloatArray, tau: float, ticks: FloatArray, late: FloatArray) -> None:
+def _advance_all(
+    times: FloatArray, tau: float, gain: float, ticks: FloatArray, late: FloatArray
+) -> None:
     """Write what the clock says of all times but the first one."""
     last, mean = times[0], 0.0
     for k in range(1, len(times)):
-        ticks[k], late[k], last, mean = advance(times[k], last, mean, tau)
+        ticks[k], late[k], last, mean = advance(times[k], last, mean, tau, gain)
 
 
 @compiled
-def _follow(times: FloatArray, tick: float, numbers: FloatArray) -> None:
+def _follow(times: FloatArray, tick: float, gain: float, numbers: FloatArray) -> None:
     """Write the number of ticks of every time since the first: the next one of a clock that is set
     forward or back by a part of its error after every row, so that neither jitter nor a tick that
     is not exactly known adds up.
@@ -211,7 +213,7 @@ def _follow(times: FloatArray, tick: float, numbers: FloatArray) -> None:
         passed = min(max(round((times[k] - clock) / tick), 1), MAX_TICKS)
         numbers[k] = numbers[k - 1] + passed
         clock += passed * tick
-        clock += GAIN * (times[k] - clock)
+        clock += gain * (times[k] - clock)
 
 
 def _irregular(times_of: list[FloatArray], tick: float) -> float:

@@ -50,8 +50,6 @@ from hybrid_env.compiled import (
 FIRST, LATER = 0, 1
 # In place of the probability that every segment ends after a tick, where the law says it.
 BY_LAW = -1.0
-# Probability of a branch at a tick below which it is no node of a lattice, see `lattice`.
-SMALLEST = 1e-7
 # Segments of a history that may be told apart from those of another one when both end.
 DEPTH = 3
 # A branch: its present mode, ticks of the present segment so far, 1 at its first measurement,
@@ -456,7 +454,8 @@ class Walk(NamedTuple):
     nodes: AnyArray
     # (T, N, B) groups of the branches.
     groups: AnyArray
-    # (T, N, B) probabilities of the branches; 0 of none, and below `SMALLEST`.
+    # (T, N, B) probabilities of the branches; 0 of none, and of
+    # improbable ones.
     weights: Float32Array
 
 
@@ -571,5 +570,6 @@ def walk_branches(
             begun = history.segments[0] - number * model.motions.size
             walk.nodes[tick, track, b] = begun * groups_of(model) + history.parents
             walk.groups[tick, track, b] = history.group
-            likely = probabilities[b] > SMALLEST
+            # Others are no nodes of a lattice, see `lattice`.
+            likely = probabilities[b] > 1e-7
             walk.weights[tick, track, b] = probabilities[b] if likely else 0.0
