@@ -45,10 +45,11 @@ _prepared: set[Any] = set()
 
 
 def run_compiled(function: Any, *arguments: Any) -> Any:
-    """Call a `compiled` function whose arguments always have the same types, prepared at its
-    first call.
+    """Call a `compiled` function, prepared at its first call. Arguments of the same classes always
+    have the same types: to ask numba for these takes a millisecond.
     """
-    if function not in _prepared:
+    called = function, *map(type, arguments)
+    if called not in _prepared:
         prepare(function, *arguments)
-        _prepared.add(function)
+        _prepared.add(called)
     return function(*arguments)

@@ -413,23 +413,24 @@ def compare_modes(
 
 
 @internal
-def _smoothed(
-    now: Any,
-    adjoint: FloatArray,
-    information: FloatArray,
-    mean: FloatArray,
-    covariance: FloatArray,
-    scratch: Any,
-) -> None:
-    """Write state (7,) and covariance (7, 7) of a tick, a record `TICK`, given later ones too."""
-    x, P = now.state, now.covariance
-    covariance[:] = information
-    _carry(P, covariance, scratch)
+def _write_mean(now: Any, adjoint: FloatArray, mean: FloatArray) -> None:
+    """Write the state (7,) of a tick, a record `TICK`, given later ones too."""
     for i in range(STATES):
-        mean[i] = x[i]
+        mean[i] = now.state[i]
         for j in range(STATES):
-            mean[i] -= P[i, j] * adjoint[j]
-            covariance[i, j] = P[i, j] - covariance[i, j]
+            mean[i] -= now.covariance[i, j] * adjoint[j]
+
+
+@internal
+def _write_covariance(
+    now: Any, information: FloatArray, covariance: FloatArray, scratch: Any
+) -> None:
+    """Write its covariance (7, 7)."""
+    covariance[:] = information
+    _carry(now.covariance, covariance, scratch)
+    for i in range(STATES):
+        for j in range(STATES):
+            covariance[i, j] = now.covariance[i, j] - covariance[i, j]
 
 
 @internal
@@ -454,11 +455,12 @@ def _go_back(now: Any, adjoint: FloatArray, information: FloatArray, m: int, scr
             new[j] += left[j, i] * adjoint[i]
     for j in range(STATES):
         adjoint[j] = new[j]
-    _carry(left, information, scratch)
-    for n in range(m):
-        for i in range(STATES):
-            for j in range(STATES):
-                information[i, j] += step[n, i] * weighted[n, j]
+    if len(information) > 0:
+        _carry(left, information, scratch)
+        for n in range(m):
+            for i in range(STATES):
+                for j in range(STATES):
+                    information[i, j] += step[n, i] * weighted[n, j]
 
 
 @compiled
@@ -476,7 +478,7 @@ def smooth_block(
     Args:
         memory: of the block.
         adjoint: (7,) of the later blocks; it is brought to the begin of this one.
-        information: (7, 7) likewise.
+        information: (7, 7) likewise; (0, 7) if only means are smoothed.
         m: number of measured coordinates.
         means: (n, 7) smoothed states, written.
         covariances: (n, 7, 7) their covariances, written.
@@ -485,10 +487,12 @@ def smooth_block(
     scratch = memory.scratch[0]
     for k in range(len(means) - 1, -1, -1):
         now = memory.ticks[k + 1]
-        _smoothed(now, adjoint, information, means[k], covariances[k], scratch)
-        values = turn_of(means[k], covariances[k])
-        for j in range(4):
-            turns[k, j] = values[j]
+        _write_mean(now, adjoint, means[k])
+        if len(information) > 0:
+            _write_covariance(now, information, covariances[k], scratch)
+            values = turn_of(means[k], covariances[k])
+            for j in range(4):
+                turns[k, j] = values[j]
         _go_back(now, adjoint, information, m, scratch)
 
 
@@ -519,4 +523,5 @@ def smooth_first(
     scratch = memory.scratch[0]
     for k in range(ticks, 1, -1):
         _go_back(memory.ticks[k], adjoint, information, m, scratch)
-    _smoothed(memory.ticks[1], adjoint, information, means[0], covariances[0], scratch)
+    _write_mean(memory.ticks[1], adjoint, means[0])
+    _write_covariance(memory.ticks[1], information, covariances[0], scratch)

@@ -95,7 +95,7 @@ class PieceSmoother:
 
     def __post_init__(self) -> None:
         """Allocate the memory of a block."""
-        self.pieces = np.empty((0, 3), int)
+        self.pieces, self.of_pieces = np.empty((0, 3), int), self.motions[:0]
         self.rates, self.radii = np.empty((2, 0))
         # Modes of the last call of `smooth_first`.
         self.last: IntArray | None = None
@@ -153,18 +153,10 @@ class PieceSmoother:
         last = np.searchsorted(self.pieces[:, 0], middles, side="right") - 1
         return np.where(self.pieces[last, 2] == pieces[:, 2], self.rates[last], rates)
 
-    def smooth(
-        self, pieces: IntArray, gradual: IntArray | None = None, rounds: int = 2
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return estimates (T, 4) [x, vx, y, vy], covariances (T, 4, 4) and turns (T, 4), see
-        `turns.TurnEstimate`.
-
-        Args:
-            pieces: (K, 3) first tick, end, and row of `motions` of the segments.
-            gradual: (K,) ticks for which a segment begins gradually, see `GRADUAL`; None is 0.
-            rounds: number of times that the turn rates are found anew.
+    def settle(self, pieces: IntArray, gradual: IntArray | None = None) -> FloatArray:
+        """Find turn rates of pieces, at which turns are linearised next, and radii; return the
+        speeds (T,) at the ticks. The arguments are those of `smooth`.
         """
-        ticks = len(self.measurements)
         of_pieces, rates = self.motions[pieces[:, 2]], self._rates(pieces)
         if gradual is not None:
             split = (gradual > 0) & (np.diff(pieces[:, :2])[:, 0] > gradual)
@@ -177,35 +169,63 @@ class PieceSmoother:
             of_pieces[first], rates[first] = begun[numbers[first]], begun_rates[numbers[first]]
             pieces[second, 0] += gradual[second]
             pieces[first, 1] = pieces[first, 0] + gradual[first]
-        memory = self.memory
-        means, spreads = np.empty((PIECE_TICKS, STATES)), np.empty((PIECE_TICKS, STATES, STATES))
-        results = np.empty((ticks, 4)), np.empty((ticks, 4, 4)), np.empty((ticks, 4))
-        self.pieces, self.rates = pieces, rates
-        for _ in range(rounds):
-            segments = self._segments(pieces, of_pieces, self.rates)
-            self._anchor(*self.begin())
-            anchors = []
-            for first in range(0, ticks, PIECE_TICKS):
-                anchors.append(memory.ticks[0].copy())
-                memory.ticks[0] = memory.ticks[self._filter(first, segments)]
-            adjoint, information = np.zeros(STATES), np.zeros((STATES, STATES))
-            found = np.zeros(ticks)
-            for first, anchor in zip(
-                range(0, ticks, PIECE_TICKS)[::-1], anchors[::-1], strict=True
-            ):
-                memory.ticks[0] = anchor
-                count = self._filter(first, segments)
-                part = slice(first, first + count)
-                smoothed = means[:count], spreads[:count], results[2][part]
-                m = self.measurements.shape[1]
-                run_compiled(smooth_block, memory, adjoint, information, m, *smoothed)
-                results[0][part] = means[:count, ORDER]
-                results[1][part] = spreads[:count][:, ORDER_OF_BOTH[0], ORDER_OF_BOTH[1]]
-                found[part] = means[:count, 6]
-            self.rates = found[pieces[:, 1] - 1]
-        self.radii = results[2][pieces[:, 1] - 1, 2]
-        results[2][of_pieces["linear"][segments.places], 2:] = np.nan
-        return results
+        self.pieces, self.of_pieces, self.rates = pieces, of_pieces, rates
+        means = self._smooth_ticks()
+        speeds: FloatArray = np.hypot(means[:, 2], means[:, 3])
+        return speeds
+
+    def smooth(
+        self, pieces: IntArray, gradual: IntArray | None = None
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return estimates (T, 4) [x, vx, y, vy], covariances (T, 4, 4) and turns (T, 4), see
+        `turns.TurnEstimate`.
+
+        Args:
+            pieces: (K, 3) first tick, end, and row of `motions` of the segments.
+            gradual: (K,) ticks for which a segment begins gradually, see `GRADUAL`; None is 0.
+        """
+        self.settle(pieces, gradual)
+        ticks = len(self.measurements)
+        covariances, turns = np.empty((ticks, 4, 4)), np.empty((ticks, 4))
+        means = self._smooth_ticks(covariances, turns)
+        linear = np.repeat(self.of_pieces["linear"], np.diff(self.pieces[:, :2])[:, 0])
+        turns[linear, 2:] = np.nan
+        return means[:, ORDER], covariances, turns
+
+    def _smooth_ticks(
+        self, covariances: FloatArray | None = None, turns: FloatArray | None = None
+    ) -> FloatArray:
+        """Return smoothed states (T, 7) of the pieces, and find their turn rates and radii anew.
+
+        Args:
+            covariances: (T, 4, 4) of position and velocity, written; None if only states count.
+            turns: (T, 4) see `smooth`, written; likewise.
+        """
+        ticks, m = self.measurements.shape
+        memory = self.memory.ticks
+        segments = self._segments(self.pieces, self.of_pieces, self.rates)
+        self._anchor(*self.begin())
+        anchors = []
+        for first in range(0, ticks, PIECE_TICKS):
+            anchors.append(memory[0].copy())
+            memory[0] = memory[self._filter(first, segments)]
+        means, spreads = np.empty((ticks, STATES)), np.empty((PIECE_TICKS, STATES, STATES))
+        adjoint = np.zeros(STATES)
+        information = np.zeros((0 if covariances is None else STATES, STATES))
+        written = np.empty((0, 4)) if turns is None else turns
+        for first, anchor in zip(range(0, ticks, PIECE_TICKS)[::-1], anchors[::-1], strict=True):
+            memory[0] = anchor
+            count = self._filter(first, segments)
+            part = slice(first, first + count)
+            smoothed = means[part], spreads[:count], written[part]
+            run_compiled(smooth_block, self.memory, adjoint, information, m, *smoothed)
+            if covariances is not None:
+                covariances[part] = spreads[:count][:, ORDER_OF_BOTH[0], ORDER_OF_BOTH[1]]
+        last = means[self.pieces[:, 1] - 1]
+        self.rates = last[:, 6]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            self.radii = np.hypot(last[:, 2], last[:, 3]) / np.abs(self.rates)
+        return means
 
     @cached_property
     def _modes(self) -> Segments:

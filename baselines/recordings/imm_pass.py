@@ -30,7 +30,7 @@ from hybrid_env.compiled import (
     internal,
     lanes_of,
     operations,
-    prepare,
+    run_compiled,
 )
 from hybrid_env.durations import GeometricDurations
 from hybrid_env.limits import MAX_LENGTH
@@ -181,8 +181,7 @@ def run_pass(chunks: Chunks, track: "TrackModel") -> Pass:
         stays = (model.stay_probability - model.switch_probability) * np.eye(modes)
         bank.transitions[:] = model.switch_probability + stays
     arguments = chunks, bank, blocks, radii, model, white, probabilities
-    prepare(imm_pass, *arguments)
-    return Pass(imm_pass(*arguments), white, probabilities)
+    return Pass(run_compiled(imm_pass, *arguments), white, probabilities)
 
 
 def grid_chunks(

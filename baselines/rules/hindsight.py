@@ -167,11 +167,8 @@ def _find_pieces(
     worth = probabilities @ worth_of(options.types)
     pieces = runs_of(choose_modes(worth, weights))
     stands = stops_of(options)
-    if not stands.any():
-        smoothed = smoother.smooth(pieces)
-    else:
-        # Rough turn rates are enough to find where the object stands.
-        speeds = smoother.smooth(pieces, rounds=1)[2][:, 0].copy()
+    speeds = smoother.settle(pieces)
+    if stands.any():
         speeds[stands[modes_of(pieces)]] = 0.0
         # Below this share of its usual speed it stands, also while it brakes.
         worth[speeds < 0.3 * options.speed] = stands
@@ -182,8 +179,8 @@ def _find_pieces(
         compared = np.where(linear, -np.inf, smoother.compare_modes(pieces, after))
         pieces[after, 2] = compared.argmax(1)
         pieces = runs_of(modes_of(pieces))
-        smoothed = smoother.smooth(pieces, rounds=1)
-    moments = pieces[:, [0, 0]]
+    smoother.settle(pieces)
+    moments, gradual = pieces[:, [0, 0]], None
     if len(pieces) > 1:
         begins, moments, gradual = find_begins(pieces, measured, options, smoother, process_share)
         kept = ~is_passed(pieces_of(begins, pieces[:, 2], ticks), gradual, options)
@@ -191,14 +188,11 @@ def _find_pieces(
             begins = pieces[:, 0][kept]
             begins[1:] = np.where(kept[:-1][kept[1:]], begins[1:], pieces[:-1, 0][kept[1:]])
             pieces = pieces_of(begins, pieces[kept, 2], ticks)
-            smoothed = smoother.smooth(pieces, rounds=1)
+            smoother.settle(pieces)
             arguments = pieces, measured, options, smoother, process_share
             begins, moments, gradual = find_begins(*arguments)
-        if gradual.any() or (begins != pieces[:, 0]).any():
-            pieces = pieces_of(begins, pieces[:, 2], ticks)
-            # Those of a long recording are large.
-            del smoothed
-            smoothed = smoother.smooth(pieces, gradual)
+        pieces = pieces_of(begins, pieces[:, 2], ticks)
+    smoothed = smoother.smooth(pieces, gradual)
     # An object that stands has no speed, also where its position drifts.
     smoothed[2][stands[modes_of(pieces)], :2] = 0.0
     if stands.any():
