@@ -45,8 +45,8 @@ _prepared: set[Any] = set()
 
 
 def run_compiled(function: Any, *arguments: Any) -> Any:
-    """Call a `compiled` function, prepared at its first call. Arguments of the same classes always
-    have the same types: to ask numba for these takes a millisecond.
+    """Call a `compiled` function, prepared at its first call. Arguments of the same classes must
+    have the same types, because to ask numba for these takes a millisecond.
     """
     called = function, *map(type, arguments)
     if called not in _prepared:

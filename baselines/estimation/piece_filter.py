@@ -344,7 +344,7 @@ def compare_begins(
 
     Args:
         measured: as in `filter_block`.
-        pieces: (K, 3) as in `PieceSmoother.smooth`.
+        pieces: (K, 3) as in `PieceSmoother.settle`.
         segments: of the pieces, and then the same as they begin gradually.
         speed: as in `_begin`.
         freedom: as in `filter_block`.
@@ -382,7 +382,7 @@ def compare_begins(
                     log_likelihood += _correct(other, segment, tick, measured, freedom, scratch)
                 log_likelihoods[row, g:, (moment - begin) // stride + REACH] = log_likelihood
             # The piece before goes on.
-            for tick in range(moment, moment + stride):
+            for tick in range(moment, min(moment + stride, end)):
                 _predict(now, records[k - 1], scratch)
                 sooner += _correct(now, records[k - 1], tick, measured, freedom, scratch)
 
@@ -414,7 +414,9 @@ def compare_modes(
 
 @internal
 def _write_mean(now: Any, adjoint: FloatArray, mean: FloatArray) -> None:
-    """Write the state (7,) of a tick, a record `TICK`, given later ones too."""
+    """Write the state (7,) of a tick, a record `TICK`, given later ones too; adjoint: (7,) of
+    these.
+    """
     for i in range(STATES):
         mean[i] = now.state[i]
         for j in range(STATES):
@@ -425,7 +427,9 @@ def _write_mean(now: Any, adjoint: FloatArray, mean: FloatArray) -> None:
 def _write_covariance(
     now: Any, information: FloatArray, covariance: FloatArray, scratch: Any
 ) -> None:
-    """Write its covariance (7, 7)."""
+    """Write the covariance (7, 7) of the state that `_write_mean` writes; information: (7, 7) of
+    later ticks.
+    """
     covariance[:] = information
     _carry(now.covariance, covariance, scratch)
     for i in range(STATES):
@@ -478,11 +482,11 @@ def smooth_block(
     Args:
         memory: of the block.
         adjoint: (7,) of the later blocks; it is brought to the begin of this one.
-        information: (7, 7) likewise; (0, 7) if only means are smoothed.
+        information: (7, 7) likewise; (0, 7) if only means are written.
         m: number of measured coordinates.
         means: (n, 7) smoothed states, written.
         covariances: (n, 7, 7) their covariances, written.
-        turns: (n, 4) see `turns.TurnEstimate`, written.
+        turns: (n, 4) see `turns.TurnEstimate`, written; (0, 4) likewise.
     """
     scratch = memory.scratch[0]
     for k in range(len(means) - 1, -1, -1):

@@ -143,7 +143,7 @@ class PieceSmoother:
         before["state"], before["covariance"] = state, covariance
 
     def _rates(self, pieces: IntArray) -> FloatArray:
-        """Return turn rates (K,) of pieces (K, 3): what was smoothed last where the middle of a
+        """Return turn rates (K,) of pieces (K, 3): what was settled last where the middle of a
         piece had the same mode, else those of the modes at the usual speed.
         """
         rates = _curvatures(self.motions[pieces[:, 2]]) * self.speed
@@ -155,7 +155,11 @@ class PieceSmoother:
 
     def settle(self, pieces: IntArray, gradual: IntArray | None = None) -> FloatArray:
         """Find turn rates of pieces, at which turns are linearised next, and radii; return the
-        speeds (T,) at the ticks. The arguments are those of `smooth`.
+        speeds (T,) at the ticks [m/s].
+
+        Args:
+            pieces: (K, 3) first tick, end, and row of `motions` of the segments.
+            gradual: (K,) ticks for which a segment begins gradually, see `GRADUAL`; None is 0.
         """
         of_pieces, rates = self.motions[pieces[:, 2]], self._rates(pieces)
         if gradual is not None:
@@ -174,17 +178,10 @@ class PieceSmoother:
         speeds: FloatArray = np.hypot(means[:, 2], means[:, 3])
         return speeds
 
-    def smooth(
-        self, pieces: IntArray, gradual: IntArray | None = None
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def smooth(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return estimates (T, 4) [x, vx, y, vy], covariances (T, 4, 4) and turns (T, 4), see
-        `turns.TurnEstimate`.
-
-        Args:
-            pieces: (K, 3) first tick, end, and row of `motions` of the segments.
-            gradual: (K,) ticks for which a segment begins gradually, see `GRADUAL`; None is 0.
+        `turns.TurnEstimate`, along the pieces that were settled last.
         """
-        self.settle(pieces, gradual)
         ticks = len(self.measurements)
         covariances, turns = np.empty((ticks, 4, 4)), np.empty((ticks, 4))
         means = self._smooth_ticks(covariances, turns)
@@ -293,7 +290,7 @@ class PieceSmoother:
     def compare(
         self, numbers: IntArray, gradual: IntArray, stride: int, process_share: float
     ) -> tuple[FloatArray, float]:
-        """Return log-likelihoods of what is measured around the begins of pieces that were smoothed
+        """Return log-likelihoods of what is measured around the begins of pieces that were settled
         last, (n, G, 2 REACH + 1): if they begin gradually, and up to `REACH` times before or after;
         -inf where one cannot. Also return how large innovations are, 1 if the model holds.
 

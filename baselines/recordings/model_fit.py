@@ -321,7 +321,8 @@ def with_stop(grid: TickGrid, moving: TrackModel, whole: TrackModel, longest: fl
     a stop, as of an object that is slow for a moment.
 
     A drifting sensor hides the difference of their likelihoods. Where the object stands for two
-    windows or more, the stop need not explain the recording better, else clearly.
+    windows or more, the stop need not explain the recording better, else clearly. A part of a long
+    recording is enough if it shows the stop.
 
     Args:
         grid: of the whole recording.
@@ -335,15 +336,16 @@ def with_stop(grid: TickGrid, moving: TrackModel, whole: TrackModel, longest: fl
     ]
     models = [*stopping, moving, whole]
     margin = -CLEARLY if longest >= 2.0 else CLEARLY
-    # So many ticks of a long recording, and all only if they show no stop.
-    for most in (200_000, math.inf):
-        passes = [model.run(grid, (), 2048, most)[0] for model in models]
+    enough = 200_000
+    for most in (enough, math.inf):
+        passes, places = zip(*(model.run(grid, (), 2048, most) for model in models), strict=True)
         values = [each.log_likelihood for each in passes]
-        count = np.count_nonzero(~np.isnan(passes[0].white[:, :, 0]))
-        # Stops of the whole recording look like turns, whose radii explain a little more.
-        best = int(values[1] > values[0] + 0.005 * count)
-        stops = max(values[:2]) > max(values[2:]) + margin
-        if stops or grid.total <= most:
+        ticks = sum(end - first for _, first, end in places[0])
+        # Stops look like turns to the whole recording, whose radii explain a little more at every
+        # tick.
+        best = int(values[1] > values[0] + 0.005 * ticks)
+        stops = values[best] > max(values[2:]) + margin
+        if stops or ticks == grid.total:
             break
     # Given radii are those of the object.
     if not stops or ("radii" in moving.estimated and _turns_are_noise(models[best])):
@@ -351,12 +353,12 @@ def with_stop(grid: TickGrid, moving: TrackModel, whole: TrackModel, longest: fl
     found = models[best]
     if "duration" in moving.estimated:
         found = replace(found, duration=_counted_duration(passes[best]))
-    return _with_stopping(grid, found, most)
+    return _with_stopping(grid, found, enough)
 
 
 def _with_stopping(grid: TickGrid, model: TrackModel, most: float) -> TrackModel:
     """Return a model with a stop that also knows how the object slows down to it, if that explains
-    the recording, or a part with at most so many ticks, better.
+    the recording better, or a part of it with at most so many ticks.
     """
 
     def likelihood(modes: tuple[Mode, ...]) -> float:

@@ -164,13 +164,13 @@ def clock_ticks(times: FloatArray, tau: float) -> tuple[IntArray, FloatArray]:
     """Return the tick of every time, from 0, and the time less that of its tick, (n,) each, as the
     clock of a live tracker gives them.
     """
-    ticks, late = np.ones(len(times)), np.zeros(len(times))
-    run_compiled(_advance_all, times, tau, TickClock.gain, ticks, late)
-    total = float(ticks.sum())
+    total = float(times[-1] - times[0]) / tau
     if total > MAX_TICKS:
         raise reject(
             "gap", f"{total:.3g} ticks of {tau:.3g}", f"a shorter gap: at most {MAX_TICKS:,} ticks"
         )
+    ticks, late = np.ones(len(times)), np.zeros(len(times))
+    run_compiled(_advance_all, times, tau, TickClock.gain, ticks, late)
     return np.cumsum(ticks).astype(int) - 1, late
 
 
@@ -210,7 +210,7 @@ def _follow(times: FloatArray, tick: float, gain: float, numbers: FloatArray) ->
     """
     clock = times[0]
     for k in range(1, len(times)):
-        passed = min(max(round((times[k] - clock) / tick), 1), MAX_TICKS)
+        passed = max(round(min((times[k] - clock) / tick, MAX_TICKS)), 1)
         numbers[k] = numbers[k - 1] + passed
         clock += passed * tick
         clock += gain * (times[k] - clock)

@@ -454,8 +454,7 @@ class Walk(NamedTuple):
     nodes: AnyArray
     # (T, N, B) groups of the branches.
     groups: AnyArray
-    # (T, N, B) probabilities of the branches; 0 of none, and of
-    # improbable ones.
+    # (T, N, B) probabilities of the branches; 0 of none, and of those below 1e-7.
     weights: Float32Array
 
 
@@ -496,13 +495,14 @@ def _advance(
 
 @internal
 def _select(branches: Branches, track: int, weights: FloatArray, model: BeamModel) -> FloatArray:
-    """Keep the most probable branches of a track, or join some; return their weights.
+    """Keep the most probable branches of a track, or join some of a full beam, and leave out far
+    less probable ones; return their weights.
 
     weights: (n,) negative logarithms of the probabilities of its branches, changed.
     """
     if model.joined:
         join_branches(branches.histories[track], weights, model.branches)
-    # Far less probable ones are left out; one that explains less for a while may be right.
+    # One that explains less for a while may be right.
     largest = weights.min() + 150.0
     kept = weights.size
     b = 0

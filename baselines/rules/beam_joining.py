@@ -17,7 +17,7 @@ from hybrid_env.compiled import internal
 
 @internal
 def join_branches(histories: Any, weights: FloatArray, capacity: int) -> None:
-    """Change the weights of branches to those of the ones that remain, infinite of others.
+    """Write the weights of the branches that remain, and infinite ones for all others.
 
     Of two branches of one mode and row, neighbours in age, joining costs the harmonic sum of their
     probabilities times the logarithm of the ratio of their ages; omitting a branch costs its

@@ -135,7 +135,8 @@ def smooth_modes(
     else:
         decided = np.add.reduceat(probabilities, borders).argmax(1)
         pieces = pieces_of(borders, decided, len(values))
-        moments, smoothed = pieces[:, [0, 0]], smoother.smooth(pieces)
+        smoother.settle(pieces)
+        moments, smoothed = pieces[:, [0, 0]], smoother.smooth()
         smoothed[2][stops_of(options)[modes_of(pieces)], :2] = 0.0
     modes = modes_of(pieces)
     return SmoothedModes(modes, probabilities, pieces, moments, *smoothed, log_likelihood)
@@ -179,8 +180,9 @@ def _find_pieces(
         compared = np.where(linear, -np.inf, smoother.compare_modes(pieces, after))
         pieces[after, 2] = compared.argmax(1)
         pieces = runs_of(modes_of(pieces))
+    # Again, because turns are linearised at the turn rates found before.
     smoother.settle(pieces)
-    moments, gradual = pieces[:, [0, 0]], None
+    moments = pieces[:, [0, 0]]
     if len(pieces) > 1:
         begins, moments, gradual = find_begins(pieces, measured, options, smoother, process_share)
         kept = ~is_passed(pieces_of(begins, pieces[:, 2], ticks), gradual, options)
@@ -191,8 +193,10 @@ def _find_pieces(
             smoother.settle(pieces)
             arguments = pieces, measured, options, smoother, process_share
             begins, moments, gradual = find_begins(*arguments)
-        pieces = pieces_of(begins, pieces[:, 2], ticks)
-    smoothed = smoother.smooth(pieces, gradual)
+        if gradual.any() or (begins != pieces[:, 0]).any():
+            pieces = pieces_of(begins, pieces[:, 2], ticks)
+            smoother.settle(pieces, gradual)
+    smoothed = smoother.smooth()
     # An object that stands has no speed, also where its position drifts.
     smoothed[2][stands[modes_of(pieces)], :2] = 0.0
     if stands.any():

@@ -55,7 +55,8 @@ def test_straight_motion_and_a_stop_are_one_linear_regression(coordinates):
     start = rng.normal(size=4), root @ root.T
     noises = np.tile([0.3, 0.1, 0.2, 0.4][: coordinates // 2 + 2], (25, 1))
     smoother = PieceSmoother(z, noises, start, motions, TAU, Q, 1.0)
-    estimates, covariances, turns = smoother.smooth(pieces)
+    smoother.settle(pieces)
+    estimates, covariances, turns = smoother.smooth()
 
     straight = np.kron(np.eye(2), [[1.0, TAU], [0.0, 1.0]]), np.diag([0, Q, 0, Q])
     stop = motions[1]["F"][:4, :4], motions[1]["Q"][:4, :4]
@@ -89,7 +90,8 @@ def test_estimates_along_turns_are_calibrated(freedom):
         noises = np.tile([4.0, 0.0, 4.0], (len(z), 1))
         known = start, motions, 1.0, 0.01
         smoother = PieceSmoother(z, noises, *known, speed=5.0, freedom=freedom)
-        estimates, P, turns = smoother.smooth(pieces)
+        smoother.settle(pieces)
+        estimates, P, turns = smoother.smooth()
         error = estimates - run.truth[0]
         squares.append(np.einsum("ki,kij,kj->k", error, np.linalg.inv(P), error))
         assert np.sqrt((error[:, ::2] ** 2).mean()) < 0.6 * 2.0

@@ -6,7 +6,7 @@ import pytest
 from baselines.recordings.clock import TickClock
 from baselines.recordings.recording import make_recording
 from baselines.recordings.scatter import noise_estimate
-from baselines.recordings.ticks import tick_grid
+from baselines.recordings.ticks import clock_ticks, tick_grid
 
 
 def circle(times, radius=200.0, speed=20.0):
@@ -22,6 +22,9 @@ def test_a_measurement_between_two_ticks_does_not_move_the_clock_for_ever(extra)
 
     assert all(late == 0.0 for _, late in advanced[-10:])
     assert sum(ticks for ticks, _ in advanced) == 20
+    # A file has the ticks of a live sensor.
+    numbers, late = clock_ticks(times, 0.5)
+    assert np.array_equal(np.transpose([np.diff(numbers, prepend=-1), late]), advanced)
 
 
 def test_noise_is_estimated_also_between_missing_ticks_and_without_units():
