@@ -4,6 +4,7 @@ import importlib
 import lzma
 import subprocess
 import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -55,7 +56,8 @@ def test_the_kernels_of_all_registered_ids_are_saved(monkeypatch, tmp_path):
 
 @pytest.mark.study
 def test_saved_kernels_are_loaded(folder):
-    subprocess.run([sys.executable, "-m", "tools.bitcode", str(folder)], check=True)
+    root = Path(__file__).parents[3]
+    subprocess.run([sys.executable, "-m", "tools.bitcode", str(folder)], check=True, cwd=root)
 
     names = [path.name.partition("-")[0] for path in folder.iterdir()]
     assert len(names) == 3
