@@ -345,7 +345,8 @@ def with_stop(grid: TickGrid, moving: TrackModel, whole: TrackModel, longest: fl
         # tick.
         best = int(values[1] > values[0] + 0.005 * ticks)
         stops = values[best] > max(values[2:]) + margin
-        if stops or ticks == grid.total:
+        # Of many short pieces the part is smaller than it may be.
+        if ticks == grid.total or (stops and 2 * ticks > enough):
             break
     # Given radii are those of the object.
     if not stops or ("radii" in moving.estimated and _turns_are_noise(models[best])):
